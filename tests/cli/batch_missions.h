@@ -39,7 +39,7 @@ class Missions {
 
   /// status.json of a mission.
   Json status(const std::string& name) const;
-  /// By their names the cells of a mission in missions.csv.
+  /// Cells of a mission in missions.csv by column name.
   std::map<std::string, std::string> row(const std::string& name) const;
   /// Names, times and contents of all files below the folder of results.
   std::string files() const;
@@ -48,22 +48,12 @@ class Missions {
   TempDir dir_;
 };
 
-/// The options of a quick run, without its inputs and outputs.
+/// Options of a quick run, without inputs and outputs.
 std::vector<std::string> quick_options();
 
 bool is_alive(pid_t process);
 
 /// Waits until a mission is in the middle of its run, and stops that; returns its process.
 pid_t stop_run_of(const Missions& missions, const std::string& name);
-
-/// Whether it becomes true within a minute.
-template <class Condition>
-bool comes(const Condition& condition) {
-  for (int i = 0; i < 6000; ++i) {
-    if (condition()) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  return false;
-}
 
 }  // namespace pmsp_test

@@ -6,9 +6,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 #include <algorithm>
+#include <catch2/catch.hpp>
 #include <stdexcept>
 
 namespace pmsp_test {
+
+namespace fs = std::filesystem;
 
 Command::Command(const std::vector<std::string>& words) {
   std::vector<char*> argv;
@@ -66,8 +69,7 @@ std::vector<std::string> quick_run(const std::filesystem::path& output, const st
                                  "--height", "64",
                                  "-o",       output.string()};
 #ifdef PMSP_SANITIZED
-  // A sanitizer makes PatchMatch slow, most of all its vector code; what is asked of the program here is not its
-  // depths.
+  // Sanitizers slow down PatchMatch, vector code most of all; these tests do not check depths.
   words.insert(words.end(), {"--patchmatch-iterations", "1", "--patchmatch-refinements", "1",
                              "--patchmatch-geometric-passes", "0", "--simd", "scalar"});
 #endif
@@ -76,5 +78,30 @@ std::vector<std::string> quick_run(const std::filesystem::path& output, const st
   words.insert(words.end(), more.begin(), more.end());
   return words;
 }
+
+Result require_ok(const Result& result) {
+  INFO(result.err);
+  REQUIRE(result.code == 0);
+  return result;
+}
+
+Words joined(Words words, const Words& more) {
+  words.insert(words.end(), more.begin(), more.end());
+  return words;
+}
+
+std::string all_bytes(const fs::path& path) {
+  if (!fs::is_directory(path)) return read_text(path);
+  std::vector<fs::path> files;
+  for (const auto& entry : fs::recursive_directory_iterator(path)) {
+    if (entry.is_regular_file()) files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  std::string text;
+  for (const fs::path& file : files) text += fs::relative(file, path).string() + "\n" + read_text(file);
+  return text;
+}
+
+bool same_bytes(const fs::path& a, const fs::path& b) { return read_text(a) == read_text(b); }
 
 }  // namespace pmsp_test

@@ -18,7 +18,7 @@ using Catch::Contains;
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-TEST_CASE("a batch isolates what fails, and says why in the table, as CSV and by its exit code") {
+TEST_CASE("a failed mission does not affect others and is reported by table and CSV and exit code") {
   const Missions missions;
   write_text(missions / "garbage.msg", "no map at all");
   fs::create_directory(missions / "empty");
@@ -64,7 +64,7 @@ TEST_CASE("a batch isolates what fails, and says why in the table, as CSV and by
   CHECK(missions.row("gone")["exit_code"] == "3");
 }
 
-TEST_CASE("what is done is not made again, what has failed only with --retry, what has changed is") {
+TEST_CASE("finished missions are skipped and failed ones run with --retry and changed ones run again") {
   const Missions missions;
   fs::remove(missions / "images");  // a link; one of them will change
   fs::copy(mission() / "images", missions / "images");
@@ -81,7 +81,7 @@ TEST_CASE("what is done is not made again, what has failed only with --retry, wh
   CHECK_THAT(retried.err, Contains("1 done before, 1 to do"));
   CHECK(read_text(missions.result("a") / "status.json") == first);  // machine and jobs are no change
   fs::copy_file(missions / "map.msg", missions / "later.msg");
-  CHECK(missions.batch().code == 0);  // its input has come
+  CHECK(missions.batch().code == 0);  // its input exists now
   CHECK(missions.status("b")["state"] == "done");
 
   missions.write({Missions::line("a", {{"options", {{"fusion-spacing-px", 3}}}}), bad});
@@ -106,7 +106,7 @@ TEST_CASE("what is done is not made again, what has failed only with --retry, wh
   CHECK(missions.batch().code == 8);
 }
 
-TEST_CASE("a batch that is killed takes its runs with it, and goes on from there") {
+TEST_CASE("a killed batch ends its runs and resumes") {
   const Missions missions;
   std::vector<Json> lines;
   for (const char* name : {"a", "b", "c", "d", "e"}) lines.push_back(Missions::line(name));
@@ -132,7 +132,7 @@ TEST_CASE("a batch that is killed takes its runs with it, and goes on from there
   }
 }
 
-TEST_CASE("a batch that was killed while it took a mission's folder goes on with it") {
+TEST_CASE("a batch killed while claiming a mission's directory resumes") {
   const Missions missions;
   missions.write({Missions::line("a")});
   fs::create_directories(missions.result("a"));
@@ -143,7 +143,7 @@ TEST_CASE("a batch that was killed while it took a mission's folder goes on with
   CHECK(missions.status("a")["state"] == "done");
 }
 
-TEST_CASE("a signal ends a batch and its runs, the same command goes on") {
+TEST_CASE("a signal ends a batch and its runs and the same command resumes") {
   const Missions missions;
   missions.write({Missions::line("a"), Missions::line("b")});
   Command command(densify_words(missions.words()));
@@ -161,7 +161,7 @@ TEST_CASE("a signal ends a batch and its runs, the same command goes on") {
   CHECK(missions.bare({}).code == 0);
 }
 
-TEST_CASE("missions whose memory is not there wait for others, and are made then") {
+TEST_CASE("missions without enough memory wait for others to end") {
   const Missions missions;
   missions.write({Missions::line("a"), Missions::line("b"), Missions::line("c", {{"map", "nowhere.msg"}})});
   const std::vector<std::string> words = missions.words({"--jobs", "2", "--memory", "0.001"});  // each alone
@@ -176,7 +176,7 @@ TEST_CASE("missions whose memory is not there wait for others, and are made then
   CHECK_FALSE(is_running(second.c_str()));
   CHECK_FALSE(fs::exists(missions.result(second) / "work"));
 
-  SECTION("when these have ended") {
+  SECTION("and run afterwards") {
     kill(first, SIGCONT);
     const Result result = command.wait();
     INFO(result.err);
@@ -185,7 +185,7 @@ TEST_CASE("missions whose memory is not there wait for others, and are made then
     CHECK(missions.status("b")["state"] == "done");
     CHECK_THAT(missions.status("c")["reason"].get<std::string>(), Contains("nowhere.msg: there is no such file"));
   }
-  SECTION("and a signal ends their wait") {
+  SECTION("and a signal ends the wait") {
     kill(command.pid(), SIGTERM);
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
     kill(first, SIGCONT);
@@ -196,7 +196,7 @@ TEST_CASE("missions whose memory is not there wait for others, and are made then
   }
 }
 
-TEST_CASE("processes that have a share each make a batch together, the table says how far they are") {
+TEST_CASE("processes with one share each complete a batch and the table shows their progress") {
   const Missions missions;
   std::vector<Json> lines;
   for (const char* name : {"a", "b", "c", "d", "e"}) lines.push_back(Missions::line(name));
@@ -212,14 +212,14 @@ TEST_CASE("processes that have a share each make a batch together, the table say
   const Result second = missions.batch({"--only", "1/2"});
   CHECK(second.code == 7);
   CHECK_THAT(second.out, Contains("\nb ") && Contains("1 of 2 missions done, 1 failed") && !Contains("\na "));
-  CHECK(missions.row("e")["state"] == "waiting");  // the table is that of all
+  CHECK(missions.row("e")["state"] == "waiting");  // the table covers all shards
   const Result middle = missions.bare({"--summary"});
   CHECK(middle.code == 7);
   CHECK_THAT(middle.out, Contains("1 of 5 missions done, 1 failed, 1 running, 2 waiting"));
   CHECK_THAT(missions.batch().err, Contains("another process works in this directory of a batch"));
 
   const std::string before = read_text(missions.result("a") / "status.json");
-  const Result same = missions.batch({"--only", "0/5"});  // somebody makes it already
+  const Result same = missions.batch({"--only", "0/5"});  // another process runs it already
   CHECK(same.code == 8);
   CHECK_THAT(same.out, Contains("another process works in this directory of a mission"));
   CHECK(read_text(missions.result("a") / "status.json") == before);

@@ -19,7 +19,7 @@ using Catch::Contains;
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-TEST_CASE("a table and JSON lines say the same") {
+TEST_CASE("table and JSON lines have the same content") {
   const Missions missions;
   missions.write({Missions::line("a", {{"options", {{"fusion", {{"window", 7}}}, {"median", {{"enabled", false}}}}}}),
                   {{"map", "./map.msg"}, {"images", "images"}}});
@@ -34,7 +34,7 @@ TEST_CASE("a table and JSON lines say the same") {
   const auto window = [&](const std::string& name) {
     return Json::parse(read_text(missions.result(name) / "stats.json"))["options"]["fusion"]["window"];
   };
-  CHECK(window("a") == 7);  // its own before that of all
+  CHECK(window("a") == 7);  // the mission's own option precedes the common one
   CHECK(window("map") == 5);
   const Result table = missions.batch(for_all, "m.tsv");
   CHECK(table.code == 0);
@@ -42,7 +42,7 @@ TEST_CASE("a table and JSON lines say the same") {
   CHECK(missions.status("map")["state"] == "done");  // called as its map
 }
 
-TEST_CASE("the program that reads a batch gets events, and output folders lie with their mission") {
+TEST_CASE("a batch prints events and output directories lie beside their mission") {
   const Missions missions;
   missions.write({Missions::line("a", {{"options", {{"depth-maps", "depth"}}}})});
   const Result result = missions.batch({"--progress", "json", "--keep-workspaces"});
@@ -63,7 +63,7 @@ TEST_CASE("the program that reads a batch gets events, and output folders lie wi
   CHECK(fs::exists(missions.result("a") / "work"));  // as recorded
 }
 
-TEST_CASE("a batch has a page with its table, which leads to what each mission has left") {
+TEST_CASE("a batch has a page with its table and links to each mission's outputs") {
   const Missions missions;
   missions.write({Missions::line("a"), Missions::line("b", {{"options", {{"format", "ply,potree"}}}}),
                   Missions::line("c<b>", {{"map", "none & nowhere.msg"}}),
@@ -79,7 +79,7 @@ TEST_CASE("a batch has a page with its table, which leads to what each mission h
   CHECK_THAT(page, Contains("<a href=\"./a/cloud.ply\">cloud.ply</a>") && Contains("<a href=\"./a/log.txt\">"));
   CHECK_THAT(page, !Contains("none<i>") && Contains("none&#60;i&#62;.msg"));
   CHECK_THAT(page, Contains("<th scope=\"col\">coverage</th>"));
-  CHECK_THAT(page, !Contains("cloud.potree\""));  // a folder is nothing to look at
+  CHECK_THAT(page, !Contains("cloud.potree\""));  // a directory is no report
   if (!has_page) return;
   for (const char* name : {"a", "b"}) {
     CHECK_THAT(page, Contains("<a href=\"./" + std::string(name) + "/report.html\">" + name + "</a>"));
@@ -87,13 +87,13 @@ TEST_CASE("a batch has a page with its table, which leads to what each mission h
   }
   CHECK_THAT(read_text(missions.result("b") / "report.html"), Contains("\"potree\":\"./cloud.potree\""));
   const auto before = fs::last_write_time(missions.result("a") / "report.html");
-  fs::remove(missions.result("b") / "report.html");  // what has lost its report is made again, and nothing else
+  fs::remove(missions.result("b") / "report.html");  // only the mission without a report runs again
   CHECK(missions.batch(more).code == 7);
   CHECK(fs::exists(missions.result("b") / "report.html"));
   CHECK(fs::last_write_time(missions.result("a") / "report.html") == before);
 }
 
-TEST_CASE("a manifest or a command line that makes no sense ends a batch before it begins") {
+TEST_CASE("an invalid manifest or command line is refused before the batch begins") {
   const Missions missions;
   const auto refused = [&](const std::string& manifest, int code, const std::vector<std::string>& more,
                            const std::string& complaint) {
@@ -129,7 +129,7 @@ TEST_CASE("a manifest or a command line that makes no sense ends a batch before 
   CHECK_THAT(help.out, Contains("--retry") && Contains("Examples:") && Contains("--scan") && Contains("7 some"));
 }
 
-TEST_CASE("a folder that is not of a batch stays as it is") {
+TEST_CASE("a directory of no batch stays unchanged") {
   const Missions missions;
   missions.write({Missions::line("a"), Missions::line("b")});
   fs::create_directories(missions.result("a"));
@@ -143,7 +143,7 @@ TEST_CASE("a folder that is not of a batch stays as it is") {
   CHECK(read_text(missions.result("b") / "status.json") == "somebody's");
 }
 
-TEST_CASE("batch --scan finds maps with the images or the video beside them, and its list can be run") {
+TEST_CASE("batch --scan finds maps with images or video beside them and its list can be run") {
   const TempDir dir;
   const auto add = [&](const std::string& folder, const std::string& map, const std::vector<std::string>& files) {
     fs::create_directories(dir / folder);
@@ -180,7 +180,7 @@ TEST_CASE("batch --scan finds maps with the images or the video beside them, and
   CHECK(densify({"batch", "--scan", (dir / "nothing").string()}).code == 3);
 }
 
-TEST_CASE("batch --slurm prints what submits a batch") {
+TEST_CASE("batch --slurm prints the commands that submit a batch") {
   const Missions missions;
   missions.write({Missions::line("a"), Missions::line("b"), Missions::line("c")});
   const Result script = missions.batch({"--slurm", "--sbatch", "--time=2:00:00 --comment 'a b'", "--retry"});
@@ -201,7 +201,7 @@ TEST_CASE("batch --slurm prints what submits a batch") {
   refused({"--only", "auto"}, "--only auto: SLURM_ARRAY_TASK_ID");
   refused({"--only", "0/2", "--summary"}, "exclude each other");
 
-  // With programs of its own for sbatch, which fail or say which job it is.
+  // With replacements for sbatch that fail or print a job id.
   const auto submit = [&](const std::string& sbatch) {
     fs::create_directories(missions / "bin");
     write_text(missions / "bin/sbatch", "#!/bin/sh\n" + sbatch + "\n");
@@ -217,7 +217,7 @@ TEST_CASE("batch --slurm prints what submits a batch") {
   CHECK(submit("exit 3").code == 6);
 }
 
-TEST_CASE("Missions of a batch have clouds in the formats that they ask for", "[batch]") {
+TEST_CASE("Missions of a batch have clouds in the requested formats", "[batch]") {
   const Missions missions;
   missions.write({Missions::line("plain"), Missions::line("both", {{"options", {{"format", "las,ply"}}}})});
   REQUIRE(missions.batch({"--format", "las"}).code == 0);

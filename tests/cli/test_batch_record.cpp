@@ -15,8 +15,7 @@ using Catch::Contains;
 
 namespace fs = std::filesystem;
 
-TEST_CASE("a folder of results goes on with its recorded missions and options, without those of the command line",
-          "[batch]") {
+TEST_CASE("a results directory resumes with its recorded missions and options", "[batch]") {
   const Missions missions;
   missions.write(
       {Missions::line("a"), Missions::line("b", {{"map", "later.msg"}}), Missions::line("c"), Missions::line("d")});
@@ -54,10 +53,10 @@ TEST_CASE("a folder of results goes on with its recorded missions and options, w
   const std::string done = missions.files();
   CHECK(missions.bare({}).code == 0);
   CHECK(missions.bare({"--summary"}).code == 0);
-  CHECK(missions.files() == done);  // nothing was made
+  CHECK(missions.files() == done);  // nothing was computed
 }
 
-TEST_CASE("other options on a folder of results are refused without --force", "[batch]") {
+TEST_CASE("other options on a results directory are refused without --force", "[batch]") {
   const Missions missions;
   missions.write({Missions::line("a"), Missions::line("b", {{"options", {{"fusion-window", 5}}}})});
   REQUIRE(missions.batch({"--seed", "1"}).code == 0);
@@ -72,7 +71,7 @@ TEST_CASE("other options on a folder of results are refused without --force", "[
   CHECK(missions.bare({"--seed", "1", "--threads", "1", "--backend", "cpu"}).code == 0);
   missions.write({Missions::line("a"), Missions::line("b")});
   CHECK_THAT(missions.batch().err, Contains("recorded --fusion-window=5, given none"));
-  fs::rename(missions / "map.msg", missions / "away.msg");  // as of a disk that is not mounted
+  fs::rename(missions / "map.msg", missions / "away.msg");  // as on an unmounted disk
   CHECK(missions.bare({"--retry"}).code == 0);
   fs::rename(missions / "away.msg", missions / "map.msg");
 
@@ -84,7 +83,7 @@ TEST_CASE("other options on a folder of results are refused without --force", "[
   CHECK_THAT(missions.status("a")["command"].dump(), Contains("--seed=2") && Contains("--width=128"));
 }
 
-TEST_CASE("a call of batch that makes nothing writes nothing", "[batch]") {
+TEST_CASE("a batch without work writes nothing", "[batch]") {
   const Missions missions;
   const Result no_batch = missions.bare({"--summary"});
   CHECK(no_batch.code == 3);
@@ -101,7 +100,7 @@ TEST_CASE("a call of batch that makes nothing writes nothing", "[batch]") {
   CHECK_THAT(missions.batch().err, Contains("is no record of a batch"));
 }
 
-TEST_CASE("batch --dry-run checks missions as info does, and makes nothing", "[batch]") {
+TEST_CASE("batch --dry-run checks missions like info and computes nothing", "[batch]") {
   const Missions missions;
   missions.write({Missions::line("a"), Missions::line("b", {{"map", "nowhere.msg"}}),
                   Missions::line("c", {{"images", "nowhere"}}), Missions::line("d", {{"picture", "x"}})});
@@ -139,7 +138,7 @@ TEST_CASE("missions.csv has a row for each mission", "[batch]") {
   CHECK_THAT(read_text(missions / "out/missions.csv"), Contains("no, \"\"where\"\".msg: there is no such file\"\n"));
 }
 
-TEST_CASE("jobs of a batch have all devices, round-robin", "[batch]") {
+TEST_CASE("jobs of a batch use all devices round-robin", "[batch]") {
   using pmsp::tool::devices_of_job;
   using Devices = std::vector<int>;
   CHECK(devices_of_job(0, 2, {}).empty());

@@ -19,27 +19,6 @@ namespace fs = std::filesystem;
 
 namespace {
 
-using Words = std::vector<std::string>;
-
-Result require_ok(const Result& result) {
-  INFO(result.err);
-  REQUIRE(result.code == 0);
-  return result;
-}
-
-/// All files of a folder, or the one file, as a text.
-std::string all_bytes(const fs::path& path) {
-  if (!fs::is_directory(path)) return read_text(path);
-  std::vector<fs::path> files;
-  for (const auto& entry : fs::recursive_directory_iterator(path)) {
-    if (entry.is_regular_file()) files.push_back(entry.path());
-  }
-  std::sort(files.begin(), files.end());
-  std::string text;
-  for (const fs::path& file : files) text += fs::relative(file, path).string() + "\n" + read_text(file);
-  return text;
-}
-
 /// -o for each format.
 Words all_formats(const TempDir& dir, const std::string& name) {
   Words words;
@@ -66,15 +45,9 @@ Words quick(const Words& more) {
   return words;
 }
 
-Words joined(Words words, const Words& more) {
-  words.insert(words.end(), more.begin(), more.end());
-  return words;
-}
-
 }  // namespace
 
-TEST_CASE("in all formats at once: the bytes of other thread counts, of a workspace and of merged shards",
-          "[outputs]") {
+TEST_CASE("all formats have equal bytes for any threads and with a workspace and merged shards", "[outputs]") {
   const TempDir dir;
   const Words plain = joined(all_formats(dir, "plain"), {"--threads", "1", "--stats", (dir / "s.json").string()});
   require_ok(densify(quick(plain)));
@@ -93,13 +66,13 @@ TEST_CASE("in all formats at once: the bytes of other thread counts, of a worksp
   require_ok(densify(joined({"merge", shared}, all_formats(dir, "merged"))));
   check_same_clouds(dir, "plain", "merged");
 
-  const Result refused = densify(quick(all_formats(dir, "plain")));  // all of them are there
+  const Result refused = densify(quick(all_formats(dir, "plain")));  // all exist
   CHECK(refused.code == 6);
   require_ok(densify(quick(joined(all_formats(dir, "plain"), {"--force"}))));
   check_same_clouds(dir, "plain", "work");
 }
 
-TEST_CASE("frame and amount: what is asked for is done to the points, and told", "[outputs]") {
+TEST_CASE("the requested frame and thinning are applied to the points and reported", "[outputs]") {
   const TempDir dir;
   require_ok(densify(quick_run(dir / "map.ply")));
   const PlyCloud map = read_ply(dir / "map.ply");
@@ -137,7 +110,7 @@ TEST_CASE("frame and amount: what is asked for is done to the points, and told",
   CHECK(stats["cloud"]["crop"][1][1] == 12.0);
 }
 
-TEST_CASE("a crop that leaves nothing says so and leaves the old cloud", "[outputs]") {
+TEST_CASE("a crop without points is reported and keeps the old cloud", "[outputs]") {
   const TempDir dir;
   write_text(dir / "c.ply", "old");
   const Result result = densify(quick_run(dir / "c.ply", {"--force", "--crop", "100,100,100,101,101,101"}));
@@ -146,7 +119,7 @@ TEST_CASE("a crop that leaves nothing says so and leaves the old cloud", "[outpu
   CHECK(read_text(dir / "c.ply") == "old");
 }
 
-TEST_CASE("a cloud is aligned with places of its cameras, and the residuals are told", "[outputs]") {
+TEST_CASE("a cloud is aligned with its camera positions and the residuals are reported", "[outputs]") {
   const TempDir dir;
   write_text(dir / "places.csv", "0,0,0,0\n1,0,0,1\n2,0,3,2\n");
   const Words align{"--align", (dir / "places.csv").string()};
@@ -162,7 +135,7 @@ TEST_CASE("a cloud is aligned with places of its cameras, and the residuals are 
   CHECK_THAT(few.err, Contains("at least 3"));
 }
 
-TEST_CASE("depth maps in the formats that are asked for, and an index that names them", "[outputs]") {
+TEST_CASE("depth maps have the requested formats and an index", "[outputs]") {
   const TempDir dir;
   const std::string depth = (dir / "d").string();
   require_ok(densify(quick_run(dir / "c.ply", {"--depth-maps", depth, "--depth-format", "exr,png", "--scale", "3"})));
@@ -179,13 +152,14 @@ TEST_CASE("depth maps in the formats that are asked for, and an index that names
   }
   CHECK(static_cast<std::size_t>(std::distance(fs::directory_iterator(dir / "d"), fs::directory_iterator())) == files);
   require_ok(densify(quick_run(dir / "c.ply", {"--depth-maps", depth, "--depth-format", "pfm", "--force"})));
-  CHECK(std::distance(fs::directory_iterator(dir / "d"), fs::directory_iterator()) == 1 + 3 * 5);  // old ones are gone
+  CHECK(std::distance(fs::directory_iterator(dir / "d"), fs::directory_iterator()) ==
+        1 + 3 * 5);  // old ones are removed
 }
 
-TEST_CASE("datasets carry the masks, under the names that their readers look for", "[outputs]") {
+TEST_CASE("datasets contain the masks under the names that their readers expect", "[outputs]") {
   const TempDir dir;
   fs::create_directory(dir / "masks");
-  fs::copy(mission() / "mask.png", dir / "masks/000001.png.png");  // the others are used as a whole
+  fs::copy(mission() / "mask.png", dir / "masks/000001.png.png");  // the others are unmasked
   const Words targets{"-o", (dir / "c.colmap").string(), "-o", (dir / "n.nerfstudio").string(), "--force"};
   require_ok(densify(quick(joined(targets, {"--mask", (dir / "masks").string()}))));
   const auto json = nlohmann::json::parse(read_text(dir / "n.nerfstudio/transforms.json"));
@@ -203,14 +177,14 @@ TEST_CASE("datasets carry the masks, under the names that their readers look for
     CHECK(json["frames"][static_cast<std::size_t>(i)]["mask_path"] == "masks/" + name);
     CHECK(read_text(dir / "n.nerfstudio/masks" / name) == read_text(dir / "c.colmap/masks" / name));
   }
-  require_ok(densify(quick(targets)));  // without a mask none stays
+  require_ok(densify(quick(targets)));  // without a mask the old one is removed
   CHECK_FALSE(fs::exists(dir / "c.colmap/masks"));
   CHECK_FALSE(fs::exists(dir / "n.nerfstudio/masks"));
   CHECK_FALSE(
       nlohmann::json::parse(read_text(dir / "n.nerfstudio/transforms.json"))["frames"][0].contains("mask_path"));
 }
 
-TEST_CASE("images that EXIF data turn are upright in a dataset", "[outputs]") {
+TEST_CASE("images rotated by EXIF data are upright in a dataset", "[outputs]") {
   const TempDir dir;
   fs::copy(mission() / "images", dir / "images");
   // The eXIf chunk of a TIFF block that says: orientation 3, upside down.

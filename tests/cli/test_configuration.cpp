@@ -38,7 +38,7 @@ std::string other_value(const OptionEntry& entry) {
 
 }  // namespace
 
-TEST_CASE("one side of the depth maps is enough: the other one is not the preset's") {
+TEST_CASE("one given side of the depth maps determines the other") {
   const TempDir dir;
   const auto sides = [&](std::vector<std::string> words) {
     words.insert(words.begin(), {"config", "--quality", "normal"});
@@ -55,7 +55,7 @@ TEST_CASE("one side of the depth maps is enough: the other one is not the preset
   CHECK(sides({"--config", file, "--height", "300"}) == std::pair(0, 300));
 }
 
-TEST_CASE("every option is in the help, in the configuration, and taken from flag and file") {
+TEST_CASE("every option is in the help and the configuration and read from flag and file") {
   const TempDir dir;
   std::string help;  // without its line breaks
   std::istringstream words(densify({"run", "--help-all"}).out);
@@ -73,13 +73,13 @@ TEST_CASE("every option is in the help, in the configuration, and taken from fla
     const auto changed = nlohmann::json::parse(by_flag.out);
     CHECK(at(changed, entry.key) != at(defaults, entry.key));
     const bool is_side = entry.key == std::string("width") || entry.key == std::string("height");
-    CHECK(nlohmann::json::diff(defaults, changed).size() == (is_side ? 2 : 1));  // the other one follows
+    CHECK(nlohmann::json::diff(defaults, changed).size() == (is_side ? 2 : 1));  // the other side follows
     write_text(dir / "c.json", by_flag.out);
     CHECK(densify({"config", "--config", (dir / "c.json").string()}).out == by_flag.out);
   }
 }
 
-TEST_CASE("the help shows what most people use, and says where the rest is") {
+TEST_CASE("the short help shows the common options and refers to the rest") {
   const auto flags_in = [](const std::string& help) {
     std::set<std::string> flags;
     std::istringstream lines(help);
@@ -104,16 +104,16 @@ TEST_CASE("the help shows what most people use, and says where the rest is") {
   CHECK(all.count("--fusion-window") == 1);
   CHECK(flags_in(densify({"config", "--help"}).out).count("--fusion-window") == 0);
   CHECK(flags_in(densify({"config", "--help-all"}).out).count("--fusion-window") == 1);
-  CHECK(densify({"config", "--fusion-window", "3"}).code == 0);  // hidden, but there
+  CHECK(densify({"config", "--fusion-window", "3"}).code == 0);  // hidden, but accepted
 }
 
-TEST_CASE("the least confidence has a short name") {
+TEST_CASE("the minimum confidence has a short name") {
   const auto json = nlohmann::json::parse(densify({"config", "--min-confidence", "0.5"}).out);
   CHECK(json["fusion"]["min_confidence"] == 0.5);
   CHECK(densify({"config", "--min-confidence", "2"}).code == 2);
 }
 
-TEST_CASE("flags come before the file, the file before the preset") {
+TEST_CASE("flags override the file and the file overrides the preset") {
   const TempDir dir;
   const std::string file = (dir / "c.json").string();
   write_text(file, R"({"patchmatch": {"iterations": 9}, "fusion": {"window": 7}} // comments are fine)");
@@ -128,7 +128,7 @@ TEST_CASE("flags come before the file, the file before the preset") {
   CHECK(nlohmann::json::parse(densify({"config", "--config", file, "--quality", "online"}).out)["width"] == 640);
 }
 
-TEST_CASE("a quality that the file leaves nothing to is warned of") {
+TEST_CASE("a preset fully overridden by the file gives a warning") {
   const TempDir dir;
   const std::string file = (dir / "c.json").string();
   const std::string high = densify({"config", "--quality", "high"}).out;
@@ -146,7 +146,7 @@ TEST_CASE("a quality that the file leaves nothing to is warned of") {
   CHECK(densify({"config", "--config", file, "--quality", "normal"}).err.empty());
 }
 
-TEST_CASE("the paper's setting is a quality, and the help names what it changes") {
+TEST_CASE("the paper preset is a quality and the help lists its changes") {
   const auto json = nlohmann::json::parse(densify({"config", "--quality", "paper"}).out);
   CHECK(json["patchmatch"]["fine_patch"] == 1.0);
   CHECK(json["consistency"]["max_relative_depth"] == 0.08);
@@ -163,7 +163,7 @@ TEST_CASE("the last of several flags wins") {
   CHECK(nlohmann::json::parse(densify({"config", "--seed", "4", "--seed", "5"}).out)["seed"] == 5);
 }
 
-TEST_CASE("mistakes in a configuration file are named, with the nearest key") {
+TEST_CASE("errors in a configuration file are named with the nearest key") {
   const TempDir dir;
   const std::string file = (dir / "c.json").string();
   const std::vector<std::pair<std::string, std::vector<std::string>>> cases{

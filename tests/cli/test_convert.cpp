@@ -18,21 +18,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
-using Words = std::vector<std::string>;
-
-Words joined(Words words, const Words& more) {
-  words.insert(words.end(), more.begin(), more.end());
-  return words;
-}
-
 Result convert(const fs::path& from, const fs::path& to, const Words& more = {}) {
   return densify(joined({"convert", from.string(), "-o", to.string()}, more));
-}
-
-Result require_ok(const Result& result) {
-  INFO(result.err);
-  REQUIRE(result.code == 0);
-  return result;
 }
 
 CloudInfo info_of(const fs::path& path) { return open_cloud(path)->info(); }
@@ -56,7 +43,7 @@ const fs::path& mission_run() {
 
 }  // namespace
 
-TEST_CASE("convert makes of a workspace the bytes of a run with the same options", "[convert]") {
+TEST_CASE("convert on a workspace gives the bytes of a run with the same options", "[convert]") {
   const TempDir dir;
   const Words options = GENERATE(Words{}, Words{"--scale", "2.5", "--up", "--voxel", "0.1", "--max-points", "900"},
                                  Words{"--crop", "-9,-9,-9,9,9,0.5", "--date", "2026-03-14"});
@@ -75,7 +62,7 @@ TEST_CASE("convert makes of a workspace the bytes of a run with the same options
   }
 }
 
-TEST_CASE("a cloud goes through all formats and keeps what it holds", "[convert]") {
+TEST_CASE("a cloud survives conversion through all formats", "[convert]") {
   const TempDir dir;
   const fs::path cloud = mission_run() / "c.ply";
   require_ok(convert(cloud, dir / "same.ply"));
@@ -184,7 +171,7 @@ TEST_CASE("map units are never called metres", "[convert]") {
   CHECK_THAT(read_text(dir / "r.html"), Contains("is from --unit"));
 }
 
-TEST_CASE("what convert cannot do is refused with the way to do it", "[convert]") {
+TEST_CASE("unsupported conversions are refused with the remedy", "[convert]") {
   const TempDir dir;
   const fs::path cloud = mission_run() / "c.ply";
   const auto refused = [&](int code, const fs::path& from, const fs::path& to, const Words& more,
@@ -218,7 +205,7 @@ TEST_CASE("what convert cannot do is refused with the way to do it", "[convert]"
   refused(3, mission_run() / "work", dir / "c.ply", {"--align", (dir / "tum.txt").string()}, "--map MAP");
 }
 
-TEST_CASE("with the map, a cloud is turned up and aligned as by a run", "[convert]") {
+TEST_CASE("with the map a cloud is oriented upright and aligned as by a run", "[convert]") {
   const TempDir dir;
   write_text(dir / "m.txt", "0 -1 0 0\n1 0 0 5\n0 0 1 0\n0 0 0 1\n");
   require_ok(
@@ -228,7 +215,7 @@ TEST_CASE("with the map, a cloud is turned up and aligned as by a run", "[conver
   require_ok(densify(quick_run(dir / "run.ply", {"--up", "--scale", "1.5"})));
   const Similarity run = *info_of(dir / "run.ply").file_from_map, up = *info_of(dir / "up.ply").file_from_map;
   CHECK(up.scale == Approx(1.5));
-  CHECK((up.rotation.row(2) - run.rotation.row(2)).norm() < 1e-9);  // which way is up; how it turns about that is free
+  CHECK((up.rotation.row(2) - run.rotation.row(2)).norm() < 1e-9);  // up is determined, the rotation about it is free
   // Control points lie in the frame of the input.
   write_text(dir / "points.txt", "0 0 0 10 0 0\n3 0 0 10 1 0\n0 3 0 9 0 0\n0 0 3 10 0 1\n");
   require_ok(convert(dir / "a.ply", dir / "al.ply", {"--align", (dir / "points.txt").string()}));
@@ -237,7 +224,7 @@ TEST_CASE("with the map, a cloud is turned up and aligned as by a run", "[conver
   CHECK(aligned.file_from_map->scale == Approx(1.0));
 }
 
-TEST_CASE("a cloud of another program is converted, and what it lacks stays known", "[convert]") {
+TEST_CASE("a cloud of another program is converted and missing fields stay missing", "[convert]") {
   const TempDir dir;
   write_text(dir / "a.ply",
              "ply\nformat ascii 1.0\nelement vertex 3\nproperty double x\nproperty double y\nproperty double "

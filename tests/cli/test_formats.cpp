@@ -63,13 +63,13 @@ double share_in(const PlyCloud& cloud, const PlyCloud& other) {
 
 }  // namespace
 
-TEST_CASE("every format gives the cloud of the map") {
+TEST_CASE("every map format gives the same cloud") {
   const TempDir dir;
   const SlamMap map = named_map();
   REQUIRE(densify(quick_run(dir / "map.ply")).code == 0);
   const PlyCloud expected = read_ply(dir / "map.ply");
   REQUIRE(densify(quick_run(dir / "seed.ply", {"--seed", "2"})).code == 0);
-  const double usual = share_in(read_ply(dir / "seed.ply"), expected);  // what another seed changes
+  const double usual = share_in(read_ply(dir / "seed.ply"), expected);  // difference between two seeds
   std::string colmap;
   for (const FormatFiles& format : all_formats()) {
     CAPTURE(format.name, usual);
@@ -86,7 +86,7 @@ TEST_CASE("every format gives the cloud of the map") {
     const PlyCloud cloud = read_ply(output);
     const double points = static_cast<double>(cloud.positions.size()) / static_cast<double>(expected.positions.size());
     CHECK(points == Approx(1.0).margin(format.has_observations ? 0.01 : 0.1));
-    // Poses that are rounded otherwise change less than half of what another seed does.
+    // Rounding of poses changes less than half as much as another seed.
     const double least = format.has_observations ? 1.0 - 0.5 * (1.0 - usual) : usual - 0.02;
     CHECK(share_in(cloud, expected) > least);
     CHECK(share_in(expected, cloud) > least);
@@ -96,7 +96,7 @@ TEST_CASE("every format gives the cloud of the map") {
   }
 }
 
-TEST_CASE("poses alone do, with landmarks from the images, what the images contradict is refused by name") {
+TEST_CASE("poses alone suffice with landmarks from the images and contradicted poses are refused by name") {
   const TempDir dir;
   REQUIRE(densify(quick_run(dir / "map.ply")).code == 0);
   const PlyCloud expected = read_ply(dir / "map.ply");
@@ -127,7 +127,7 @@ TEST_CASE("poses alone do, with landmarks from the images, what the images contr
   CHECK_THAT(axes.err, Contains("OpenGL"));
 }
 
-TEST_CASE("points that are not of the poses, and poses that are not of the points, are named, not the images") {
+TEST_CASE("poses and points that contradict each other are named instead of the images") {
   const TempDir dir;
   const auto run = [&](const SlamMap& map, const std::string& name) {
     write_nerfstudio(dir / name, map);
@@ -158,7 +158,7 @@ TEST_CASE("points that are not of the poses, and poses that are not of the point
   CHECK_THAT(few.err, Contains("warning: unknown whether the images belong") && !Contains("points do not fit"));
 }
 
-TEST_CASE("poses that the images do not fit are refused, three images are too few to tell") {
+TEST_CASE("poses that contradict the images are refused and three images are too few for it") {
   const TempDir dir;
   const auto run = [&](const SlamMap& map, const std::string& name) {
     write_tum(dir / name / "t.txt", map);
@@ -184,7 +184,7 @@ TEST_CASE("poses that the images do not fit are refused, three images are too fe
   CHECK_THAT(few.err, Contains("warning: unknown whether the poses fit the images: 3 images"));
 }
 
-TEST_CASE("a check that cannot decide gives a warning") {
+TEST_CASE("an undecided check gives a warning") {
   const TempDir dir;
   SlamMap map = named_map();
   for (MapKeyframe& keyframe : map.keyframes) keyframe.observations.resize(15);
@@ -205,7 +205,7 @@ TEST_CASE("a consistency filter that keeps less than a fifth gives a warning") {
   CHECK(tool::consistency_warning(stats).empty());
 }
 
-TEST_CASE("info tells of an import, and a wrong one is refused by name") {
+TEST_CASE("info reports on an import and a wrong one is refused by name") {
   const TempDir dir;
   write_opensfm(dir / "a", named_map(), {sample_scene(2, 30)});
   const Result told =
@@ -227,20 +227,20 @@ TEST_CASE("info tells of an import, and a wrong one is refused by name") {
   CHECK_THAT(refused.err, Contains("inverted poses"));
   CHECK(!fs::exists(dir / "c.ply"));
 
-  // Images that a map names, and nobody has asked for, may be elsewhere.
+  // Images named by the map but not requested may be elsewhere.
   write_nerfstudio(dir / "n", named_map());
   const Result elsewhere = densify({"info", (dir / "n/transforms.json").string()});
   CHECK(elsewhere.code == 0);
   CHECK_THAT(elsewhere.out, Contains("nerfstudio") && Contains("no images:"));
 
-  // A model without a word on where its images are.
+  // A model without image paths.
   write_colmap_text(dir / "d", named_map());
   const Result nowhere = densify(run_on(dir / "d", {}, dir / "c.ply"));
   CHECK(nowhere.code == 2);
   CHECK_THAT(nowhere.err, Contains("the images are missing"));
 }
 
-TEST_CASE("named images are found by that name only") {
+TEST_CASE("images named by the map are found by that name only") {
   const TempDir dir;
   SlamMap map = named_map();
   map.keyframes[1].image = "sub/second.png";
@@ -290,7 +290,7 @@ TEST_CASE("a workspace and shards work on a folder of COLMAP") {
   CHECK(again.code == 0);
 }
 
-TEST_CASE("a trajectory of a body is read with the camera's place in it, another map refuses that") {
+TEST_CASE("a body trajectory is read with the camera extrinsics and other maps refuse them") {
   const TempDir dir;
   const SlamMap map = named_map();
   write_kitti(dir / "poses.txt", map);

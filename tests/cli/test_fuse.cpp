@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// fuse: depth maps that are there, in place of PatchMatch's.
+// fuse: existing depth maps instead of those of PatchMatch.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -47,7 +47,7 @@ std::vector<std::string> quick_fuse(const fs::path& depth, const fs::path& outpu
 
 using Cell = std::array<std::int64_t, 3>;
 
-/// Up to how the weights of its views are rounded.
+/// Equal up to rounding of the view weights.
 bool is_alike(const Rgb& a, const Rgb& b) {
   return std::abs(a.r - b.r) <= 2 && std::abs(a.g - b.g) <= 2 && std::abs(a.b - b.b) <= 2;
 }
@@ -82,7 +82,7 @@ void check_same(const fs::path& a, const fs::path& b, double distance, double sh
   CHECK(share_found(second, first, distance) > share);
 }
 
-/// The truth of the mission, in metres, as others keep depth: by the names of the images.
+/// The true depth maps of the mission in metres, named like the images.
 void write_truth(const fs::path& folder, const std::function<void(const fs::path& name, Image<float>& depth)>& write) {
   fs::create_directories(folder);
   for (const fs::directory_entry& file : fs::directory_iterator(mission() / "gt/range_mm")) {
@@ -103,7 +103,9 @@ void write_npy(const fs::path& path, const Image<float>& image) {
   write_text(path, file);
 }
 
-std::size_t points_of(const fs::path& stats) { return Json::parse(read_text(stats))["points"].get<std::size_t>(); }
+std::size_t points_in_stats(const fs::path& stats) {
+  return Json::parse(read_text(stats))["points"].get<std::size_t>();
+}
 
 }  // namespace
 
@@ -137,7 +139,7 @@ TEST_CASE("depth maps of a run, fused again, give its cloud", "[fuse]") {
     };
     CAPTURE(kind);
     only({"depth", "normal", "confidence"});
-    check_same(dir / "run.ply", fused("pfm"), 1e-4, 0.996);  // depth maps do not tell far pixels from unknown ones
+    check_same(dir / "run.ply", fused("pfm"), 1e-4, 0.996);  // depth maps do not distinguish far from unknown pixels
     only({"exr"});
     check_same(dir / "run.ply", fused("exr"), 1e-4, 0.996);
     only({"depth_png", "normal_png", "confidence_png"});
@@ -145,7 +147,7 @@ TEST_CASE("depth maps of a run, fused again, give its cloud", "[fuse]") {
   }
 }
 
-TEST_CASE("fuse writes what run writes, and counts", "[fuse]") {
+TEST_CASE("fuse writes the outputs and statistics of run", "[fuse]") {
   const TempDir dir;
   REQUIRE(densify(quick_run(dir / "run.ply", {"--raw-depth-maps", (dir / "raw").string()})).code == 0);
   const Result result = densify(
@@ -167,7 +169,7 @@ TEST_CASE("fuse writes what run writes, and counts", "[fuse]") {
   CHECK(fs::exists(dir / "look"));
 }
 
-TEST_CASE("fuse counts the pixels that the mask leaves, as run does", "[fuse]") {
+TEST_CASE("fuse counts unmasked pixels like run", "[fuse]") {
   const TempDir dir;
   const std::vector<std::string> mask{"--mask", (mission() / "mask.png").string(), "--stats"};
   const auto with_stats = [&](const char* name) {
@@ -184,10 +186,10 @@ TEST_CASE("fuse counts the pixels that the mask leaves, as run does", "[fuse]") 
   CHECK(Json::parse(read_text(dir / "fuse.json"))["pixels"]["unmasked"] == run["unmasked"]);
 }
 
-TEST_CASE("depth by the names of images, in any format and unit", "[fuse]") {
+TEST_CASE("depth maps are found by image names in any format and unit", "[fuse]") {
   const TempDir dir;
   std::size_t k = 0;
-  write_truth(dir / "mixed", [&](const fs::path& name, Image<float>& depth) {  // each keyframe's in another format
+  write_truth(dir / "mixed", [&](const fs::path& name, Image<float>& depth) {  // one format per keyframe
     if (k % 3 == 0) write_pfm(name.string() + ".pfm", depth);
     if (k % 3 == 1) write_exr(name.string() + ".exr", {{"Z", depth}});
     if (k % 3 == 2) write_npy(name.string() + ".npy", depth);
@@ -207,7 +209,7 @@ TEST_CASE("depth by the names of images, in any format and unit", "[fuse]") {
   const Result mixed = fuse("mixed", {});
   INFO(mixed.err);
   REQUIRE(mixed.code == 0);
-  const std::size_t points = points_of(dir / "mixed.json");
+  const std::size_t points = points_in_stats(dir / "mixed.json");
   CHECK(points > 3000);
 
   const Result wrong = fuse("mm", {});
@@ -224,10 +226,10 @@ TEST_CASE("depth by the names of images, in any format and unit", "[fuse]") {
   INFO(disparity.err);
   REQUIRE(disparity.code == 0);
   CHECK(Json::parse(read_text(dir / "disparity.json"))["given_depth"]["maps"][0]["model"] == "inverse depth");
-  CHECK(points_of(dir / "disparity.json") > points / 2);
+  CHECK(points_in_stats(dir / "disparity.json") > points / 2);
 }
 
-TEST_CASE("what cannot be used is left out of a fusion, and said", "[fuse]") {
+TEST_CASE("unusable depth maps are skipped and reported", "[fuse]") {
   const TempDir dir;
   std::vector<fs::path> files;
   write_truth(dir / "depth", [&](const fs::path& name, Image<float>& depth) {
@@ -255,7 +257,7 @@ TEST_CASE("what cannot be used is left out of a fusion, and said", "[fuse]") {
   CHECK_FALSE(fs::exists(dir / "none.ply"));
 }
 
-TEST_CASE("a keyframe whose image is broken costs a fusion that keyframe alone", "[fuse]") {
+TEST_CASE("a broken image skips only its keyframe in a fusion", "[fuse]") {
   const TempDir dir;
   REQUIRE(densify(quick_run(dir / "run.ply", {"--raw-depth-maps", (dir / "raw").string()})).code == 0);
   fs::copy(mission() / "images", dir / "images");
@@ -273,7 +275,7 @@ TEST_CASE("a keyframe whose image is broken costs a fusion that keyframe alone",
   CHECK(points < read_ply(dir / "run.ply").positions.size());
 }
 
-TEST_CASE("fuse says what it needs", "[fuse]") {
+TEST_CASE("fuse reports missing inputs", "[fuse]") {
   const TempDir dir;
   fs::create_directories(dir / "depth");
   CHECK_THAT(densify({"fuse"}).err, Contains("DIR and MAP are missing"));
@@ -287,7 +289,7 @@ TEST_CASE("fuse says what it needs", "[fuse]") {
   CHECK(densify(quick_fuse(dir / "depth", dir / "c.ply", {"--workspace", (dir / "w").string()})).code == 2);
 }
 
-TEST_CASE("depth maps are written in map units, whatever their keyframe's unit", "[fuse]") {
+TEST_CASE("depth maps are written in map units for any scale of their keyframe", "[fuse]") {
   const TempDir dir;
   const SlamMap map = read_map(mission() / "map.msg");
   DepthMap depth;

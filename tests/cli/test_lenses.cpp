@@ -57,10 +57,10 @@ nlohmann::json stats(const TempDir& dir) { return nlohmann::json::parse(read_tex
 
 }  // namespace
 
-// One case, for what its sections look at is drawn once.
+// One test case, so that its images are rendered once.
 TEST_CASE("two lenses") {
   const TempDir dir;
-  SECTION("are noticed, told, and corrected") {
+  SECTION("are detected and reported and corrected") {
     const Result result = run(dir, {});
     CHECK_THAT(result.err, Contains("lenses: 0.0") && Contains("map units apart") && Contains("corrected"));
     const nlohmann::json found = stats(dir);
@@ -69,7 +69,7 @@ TEST_CASE("two lenses") {
     CHECK(found["options"]["lens_distance"] == found["lenses"]["distance"]);
   }
 
-  SECTION("are corrected by the library as by the tool: the same points") {
+  SECTION("are corrected by the library and the tool with the same points") {
     run(dir, {});
     const pmsp::SlamMap map = pmsp::read_map(two_lenses() / "map.msg");
     const auto images = pmsp::open_image_folder(map, two_lenses() / "images");
@@ -88,7 +88,7 @@ TEST_CASE("two lenses") {
     CHECK(points_of("library.ply") == points_of("c.ply"));
   }
 
-  SECTION("a distance that is given is not estimated, nor where nobody wants it") {
+  SECTION("are not estimated if given or disabled") {
     CHECK_THAT(run(dir, {"--lens-distance", "0.05"}).err, !Contains("map units apart"));
     CHECK(stats(dir)["options"]["lens_distance"] == 0.05);
     CHECK_FALSE(stats(dir).contains("lenses"));
@@ -98,7 +98,7 @@ TEST_CASE("two lenses") {
     CHECK_THAT(run(dir, {"--config", (dir / "paper.json").string()}).err, !Contains("map units apart"));
   }
 
-  SECTION("in a workspace they stay as they were found first") {
+  SECTION("are estimated once and stored in a workspace") {
     const std::string workspace = (dir / "work").string();
     CHECK_THAT(run(dir, {"--workspace", workspace}).err, Contains("map units apart"));
     const nlohmann::json first = stats(dir);

@@ -82,7 +82,7 @@ TEST_CASE("the library gives the points of the tool for a map without landmarks"
   CHECK(points_of(dir / "tool.ply") == points_of(dir / "library.ply"));
 }
 
-TEST_CASE("the library gives the points of the tool with prior depth, and warns of images that cannot be read") {
+TEST_CASE("the library gives the points of the tool with prior depth and warns of unreadable images") {
   const TempDir dir;
   fs::copy(mission() / "images", dir / "images");
   const fs::path broken = fs::directory_iterator(dir / "images")->path();

@@ -14,7 +14,7 @@ using Catch::Contains;
 
 namespace {
 
-/// The address of the page that a run has told.
+/// The address of the page that a run has printed.
 std::string url_of(const Command& command) {
   for (int i = 0; i < 6000; ++i) {
     const std::string err = command.err_so_far();
@@ -28,7 +28,7 @@ std::string url_of(const Command& command) {
 
 }  // namespace
 
-TEST_CASE("clients that mean harm change nothing in a run that is looked at") {
+TEST_CASE("malicious clients change nothing in a run with --live-view") {
   if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
   REQUIRE(densify(quick_run(dir / "alone.ply")).code == 0);
@@ -52,13 +52,13 @@ TEST_CASE("clients that mean harm change nothing in a run that is looked at") {
   CHECK(read_text(dir / "looked.ply") == read_text(dir / "alone.ply"));
 }
 
-TEST_CASE("what is served is asked for as it can be given") {
+TEST_CASE("invalid ports and addresses and directories are refused by run and serve") {
   const TempDir dir;
   const auto code = [&](const std::vector<std::string>& more) { return densify(quick_run(dir / "c.ply", more)).code; };
   CHECK(code({"--live-view", "x"}) == 2);
   CHECK(code({"--live-view", "65536"}) == 2);
   CHECK(code({"--live-view", "0", "--live-address", "localhost"}) == 2);
-  CHECK(code({"--live-view", "0", "--live-address", "192.0.2.1"}) == 6);  // of no computer
+  CHECK(code({"--live-view", "0", "--live-address", "192.0.2.1"}) == 6);  // unassigned address
   CHECK(densify({"serve"}).code == 2);
   CHECK(densify({"serve", (dir / "none").string()}).code == 3);
   CHECK(densify({"serve", dir.path().string(), "--port", "-1"}).code == 2);

@@ -18,8 +18,6 @@ namespace fs = std::filesystem;
 
 namespace {
 
-using Words = std::vector<std::string>;
-
 struct Masked {
   Result result;
   nlohmann::json mask;  ///< of --stats
@@ -37,10 +35,10 @@ Masked masked_run(const TempDir& dir, const Words& words) {
   return run;
 }
 
-/// The mission's, of 8 bits, 0 = ignore.
+/// Mask of the mission's image size, 8 bits, 0 = ignore.
 cv::Mat mission_mask() { return cv::imread((mission() / "mask.png").string(), cv::IMREAD_GRAYSCALE); }
 
-/// A copy of the mission in a folder, whose images a test may put something beside.
+/// A copy of the mission, to whose image directory a test may add files.
 void copy_mission(const fs::path& folder) {
   fs::create_directories(folder / "images");
   fs::copy(mission() / "map.msg", folder / "map.msg");
@@ -74,7 +72,7 @@ constexpr double kCap20 = 0.0302;  ///< share of the sphere that a cap of 20 deg
 
 }  // namespace
 
-TEST_CASE("each run says what its masks hide", "[masks]") {
+TEST_CASE("each run reports the masked share", "[masks]") {
   const TempDir dir;
   const Masked one = masked_run(dir, {"--mask", (mission() / "mask.png").string()});
   CHECK(one.mask["hidden"].get<double>() == Approx(kCap20).margin(0.005));
@@ -90,7 +88,7 @@ TEST_CASE("each run says what its masks hide", "[masks]") {
   CHECK_THAT(none.result.err, !Contains("masks:"));
 }
 
-TEST_CASE("masks that hide nothing, or nearly everything, are warned of", "[masks]") {
+TEST_CASE("masks that hide nothing or nearly everything give a warning", "[masks]") {
   const TempDir dir;
   const cv::Mat good = mission_mask();
   const std::string mask = (dir / "mask.png").string();
@@ -121,7 +119,7 @@ TEST_CASE("masks that hide nothing, or nearly everything, are warned of", "[mask
                                  !Contains("hides nothing") && !Contains("masks hide"));
 }
 
-TEST_CASE("masks that come with the images are used, and said", "[masks]") {
+TEST_CASE("masks beside the images are used and reported", "[masks]") {
   const TempDir dir;
   copy_mission(dir / "mission");
   fs::create_directory(dir / "mission/masks");
@@ -216,7 +214,7 @@ TEST_CASE("shards and merge use the same masks as a run", "[masks][shards]") {
 
 namespace {
 
-/// A room through which the camera carries a rider.
+/// A room with a rider fixed to the camera.
 const fs::path& with_rider() {
   static const TempDir dir;
   static const fs::path folder = [] {
@@ -253,7 +251,7 @@ std::string points_in(const fs::path& ply) {
 
 }  // namespace
 
-TEST_CASE("the rig is found, hidden and written as a mask") {
+TEST_CASE("the rig is detected and masked and written as a mask") {
   const TempDir dir;
   const Result found = densify(rider_run(dir / "a.ply", {"--stats", (dir / "s.json").string()}));
   INFO(found.err);
@@ -265,19 +263,19 @@ TEST_CASE("the rig is found, hidden and written as a mask") {
   const cv::Mat mask = cv::imread(png.string(), cv::IMREAD_UNCHANGED);
   REQUIRE(mask.cols == 512);
 
-  SECTION("as a mask that is passed, it gives the same points") {
+  SECTION("passed as a mask it gives the same points") {
     REQUIRE(densify(rider_run(dir / "b.ply", {"--mask", png.string()})).code == 0);
     CHECK(points_in(dir / "b.ply") == points_in(dir / "a.ply"));
     CHECK_FALSE(fs::exists(dir / "b.ply.rig-mask.png"));
   }
-  SECTION("without masks all is used") {
+  SECTION("without masks all pixels are used") {
     const Result none = densify(rider_run(dir / "b.ply", {"--mask", "none"}));
     CHECK(none.code == 0);
     CHECK_THAT(none.err, !Contains("rig: "));
     CHECK_FALSE(fs::exists(dir / "b.ply.rig-mask.png"));
     CHECK(points_in(dir / "b.ply") != points_in(dir / "a.ply"));
   }
-  SECTION("a mask that was edited is left alone") {
+  SECTION("an edited mask is not overwritten") {
     write_text(png, "edited");
     fs::remove(dir / "a.ply");
     const Result again = densify(rider_run(dir / "a.ply"));
@@ -285,7 +283,7 @@ TEST_CASE("the rig is found, hidden and written as a mask") {
     CHECK_THAT(again.err, Contains("rig-mask.png") && Contains("--force"));
     CHECK(read_text(png) == "edited");
   }
-  SECTION("a workspace keeps it, shards and their merge share it") {
+  SECTION("a workspace stores it for shards and their merge") {
     const std::string kept = (dir / "kept").string();
     REQUIRE(densify(rider_run(dir / "b.ply", {"--workspace", kept})).code == 0);
     CHECK(points_in(dir / "b.ply") == points_in(dir / "a.ply"));

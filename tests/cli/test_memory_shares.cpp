@@ -7,14 +7,14 @@
 #include "devices.h"
 #include "memory_shares.h"
 
-TEST_CASE("memory of the host is shared out among missions, who is alone gets what it needs", "[batch]") {
+TEST_CASE("host memory is shared among missions and a single one gets all it needs", "[batch]") {
   pmsp::tool::MemoryNeed need;
   need.host = 60.0;
   pmsp::tool::MemoryShares shares(100.0);
   const auto first = shares.take(need);
   REQUIRE(first);
   CHECK_FALSE(shares.take(need));
-  CHECK(shares.take({}));  // nobody knows what it needs
+  CHECK(shares.take({}));  // unknown need
   need.host = 40.0;
   CHECK(shares.take(need));
   shares.give_back(*first);
@@ -24,7 +24,7 @@ TEST_CASE("memory of the host is shared out among missions, who is alone gets wh
   CHECK(pmsp::tool::MemoryShares(100.0).take(need));
 }
 
-TEST_CASE("memory of GPUs is shared out among the missions that each of them has", "[batch]") {
+TEST_CASE("GPU memory is shared among the missions of each GPU", "[batch]") {
   constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
   pmsp::tool::MemoryNeed need;
   need.host = 50.0 * kGiB;
@@ -36,9 +36,9 @@ TEST_CASE("memory of GPUs is shared out among the missions that each of them has
   pmsp::tool::MemoryShares shares(4.0 * kGiB);
   const auto first = shares.take(need);
   REQUIRE(first);
-  CHECK(first->host == need.gpu_host);  // what it would take on the CPU is no matter
+  CHECK(first->host == need.gpu_host);  // its need on the CPU has no effect
   CHECK(first->devices == need.devices);
-  need.device_free = 3.0 * kGiB;  // while the first one works there
+  need.device_free = 3.0 * kGiB;  // while the first one runs there
   CHECK_FALSE(shares.take(need));
   pmsp::tool::MemoryNeed other = need;
   other.devices = {1};
@@ -50,7 +50,7 @@ TEST_CASE("memory of GPUs is shared out among the missions that each of them has
   shares.give_back(*first);
   CHECK(shares.take(need));
 
-  // What does not find room on a device has less there, and what not even then does is for the CPU.
+  // Missions that exceed the free device memory get less, and run on the CPU below their minimum.
   need.device = 20.0 * kGiB;
   pmsp::tool::MemoryShares least(100.0 * kGiB);
   const auto with_scratch = least.take(need);
@@ -63,7 +63,7 @@ TEST_CASE("memory of GPUs is shared out among the missions that each of them has
   CHECK(on_cpu->devices.empty());
 }
 
-TEST_CASE("what is no answer about memory asks for none, and a host has some", "[batch]") {
+TEST_CASE("an unreadable memory estimate counts as zero and host memory is known", "[batch]") {
   for (const char* text : {"", "{", "[]", "{\"cpu\": 3}", "pmsp-densify: map.msg: there is no such file"}) {
     const pmsp::tool::MemoryNeed need = pmsp::tool::memory_need_from(text);
     CHECK(need.host == 0.0);

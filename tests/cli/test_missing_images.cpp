@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 std::string name_of(int keyframe) { return "00000" + std::to_string(keyframe) + ".png"; }
 
-/// quick_run() with a copy of the images, or with a video, in place of the mission's folder.
+/// quick_run() with a copy of the images or a video instead of the mission's directory.
 std::vector<std::string> run_with(const TempDir& dir, const char* option, const fs::path& images,
                                   const std::vector<std::string>& more = {}) {
   std::vector<std::string> words = quick_run(dir / "c.ply", {"--stats", (dir / "s.json").string()});
@@ -39,7 +39,7 @@ void write_video(const fs::path& path, int keyframes) {
 
 }  // namespace
 
-TEST_CASE("an image that cannot be decoded costs its keyframe, not the run") {
+TEST_CASE("an undecodable image skips only its keyframe") {
   const TempDir dir;
   fs::copy(mission() / "images", dir / "images");
   write_text(dir / "images/000002.png", "no image");
@@ -56,7 +56,7 @@ TEST_CASE("an image that cannot be decoded costs its keyframe, not the run") {
   CHECK(stats["skipped"][0]["keyframe_id"] == 2);
 }
 
-TEST_CASE("a run without one image that can be decoded gives 3") {
+TEST_CASE("a run without decodable images exits with 3") {
   const TempDir dir;
   fs::create_directory(dir / "images");
   for (int i = 0; i < 5; ++i) write_text(dir / "images" / name_of(i), "no image");
@@ -67,7 +67,7 @@ TEST_CASE("a run without one image that can be decoded gives 3") {
   CHECK(dir.entries() == 1);
 }
 
-TEST_CASE("a run that fails leaves no folder of depth maps") {
+TEST_CASE("a failed run leaves no directory of depth maps") {
   const TempDir dir;
   fs::copy(mission() / "images", dir / "images");
   cv::imwrite((dir / "images/000004.png").string(), cv::Mat(100, 256, CV_8UC3, cv::Scalar::all(90)));
@@ -81,7 +81,7 @@ TEST_CASE("a run that fails leaves no folder of depth maps") {
   CHECK_FALSE(fs::exists(dir / "raw.part"));
 }
 
-TEST_CASE("keyframes that a video does not reach are warned of and counted") {
+TEST_CASE("keyframes beyond the end of a video give a warning and are counted") {
   const TempDir dir;
   write_video(dir / "short.avi", 3);
   const Result result = densify(run_with(dir, "--video", dir / "short.avi"));
@@ -97,7 +97,7 @@ TEST_CASE("keyframes that a video does not reach are warned of and counted") {
   CHECK(stats["skipped"][1]["keyframe_id"] == 4);
 }
 
-TEST_CASE("a video that reaches no keyframe gives 5 and points at the offset") {
+TEST_CASE("a video without matching keyframes exits with 5 and suggests the offset") {
   const TempDir dir;
   write_video(dir / "short.avi", 3);
   const Result refused = densify(run_with(dir, "--video", dir / "short.avi", {"--frame-offset", "100"}));
@@ -113,7 +113,7 @@ TEST_CASE("a video that reaches no keyframe gives 5 and points at the offset") {
   CHECK(stats_of(dir)["skipped"].size() == 5);
 }
 
-TEST_CASE("images for fewer than half of the keyframes are refused, unless more may come") {
+TEST_CASE("images for fewer than half of the keyframes are refused unless more are expected") {
   const TempDir dir;
   fs::create_directory(dir / "images");
   for (int i = 0; i < 2; ++i) fs::copy(mission() / "images" / name_of(i), dir / "images" / name_of(i));

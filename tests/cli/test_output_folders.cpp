@@ -22,25 +22,6 @@ namespace fs = std::filesystem;
 
 namespace {
 
-using Words = std::vector<std::string>;
-
-Words joined(Words words, const Words& more) {
-  words.insert(words.end(), more.begin(), more.end());
-  return words;
-}
-
-/// Names and bytes of all files of a folder.
-std::string all_bytes(const fs::path& path) {
-  std::vector<fs::path> files;
-  for (const auto& entry : fs::recursive_directory_iterator(path)) {
-    if (entry.is_regular_file()) files.push_back(entry.path());
-  }
-  std::sort(files.begin(), files.end());
-  std::string text;
-  for (const fs::path& file : files) text += fs::relative(file, path).string() + "\n" + read_text(file);
-  return text;
-}
-
 const Words kFolders{"c.colmap", "c.nerfstudio", "c.potree", "depth", "raw", "look"};
 
 /// A run that writes all kinds of folders.
@@ -53,7 +34,7 @@ Words run_into(const fs::path& dir, const Words& more = {}) {
                         "--preview", (dir / "look").string()});
 }
 
-/// What an undisturbed run writes.
+/// Outputs of an uninterrupted run.
 const fs::path& undisturbed() {
   static const TempDir dir;
   static const Result result = densify(run_into(dir.path()));
@@ -77,7 +58,7 @@ std::string shell_line(const std::string& begin, const Words& words) {
   return line;
 }
 
-/// Waits for a text in what it writes to standard error.
+/// Waits for a text on standard error.
 void wait_for(const Command& command, const char* text) {
   for (int i = 0; i < 30000 && command.err_so_far().find(text) == std::string::npos; ++i) {
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
@@ -86,7 +67,7 @@ void wait_for(const Command& command, const char* text) {
 
 }  // namespace
 
-TEST_CASE("a run that is killed leaves no half-written folder, and the same command goes on", "[folders]") {
+TEST_CASE("a killed run leaves no partial directory and the same command resumes", "[folders]") {
   const TempDir dir;
   for (const char* moment : {"keyframe 1/5", "keyframe 4/5"}) {
     Command command(densify_words(run_into(dir.path(), {"--progress", "plain"})));
@@ -102,7 +83,7 @@ TEST_CASE("a run that is killed leaves no half-written folder, and the same comm
   check_all(dir.path());
 }
 
-TEST_CASE("a run that is killed while it writes leaves whole folders or none", "[folders]") {
+TEST_CASE("a run killed while writing leaves complete directories or none", "[folders]") {
   const TempDir dir;
   for (int delay = 0; delay < 60; delay += 20) {
     Command command(densify_words(run_into(dir.path(), {"--progress", "plain", "--force"})));
@@ -120,7 +101,7 @@ TEST_CASE("a run that is killed while it writes leaves whole folders or none", "
   check_all(dir.path());
 }
 
-TEST_CASE("Ctrl-C leaves no folder, and old ones with --force", "[folders]") {
+TEST_CASE("Ctrl-C leaves no directory and with --force the old ones", "[folders]") {
   const TempDir dir;
   const Words slow{"--width", "2048",       "--height", "1024",   "--patchmatch-iterations",
                    "100",     "--progress", "plain",    "--force"};
@@ -136,7 +117,7 @@ TEST_CASE("Ctrl-C leaves no folder, and old ones with --force", "[folders]") {
   CHECK(std::distance(fs::directory_iterator(dir / "depth"), fs::directory_iterator()) == 2);
 }
 
-TEST_CASE("a full disk leaves no folder, and with more room the same command writes all", "[folders]") {
+TEST_CASE("a full disk leaves no directory and with more space the same command succeeds", "[folders]") {
   const TempDir dir;
   for (const char* limit : {"100", "400"}) {  // units of 512 bytes: not even a depth map, not the clouds
     const Result full = Command({"/bin/sh", "-c",
@@ -151,7 +132,7 @@ TEST_CASE("a full disk leaves no folder, and with more room the same command wri
   check_all(dir.path());
 }
 
-TEST_CASE("with --force own files of a folder are replaced, those of others stay", "[folders]") {
+TEST_CASE("--force replaces own files of a directory and keeps foreign ones", "[folders]") {
   const TempDir dir;
   for (const std::string& name : kFolders) {
     fs::create_directories(dir / name / "images");
@@ -174,7 +155,7 @@ TEST_CASE("with --force own files of a folder are replaced, those of others stay
   check_all(dir.path());
 }
 
-TEST_CASE("an output that is a symbolic link is written through, standard output is refused", "[folders]") {
+TEST_CASE("a symbolic link as output is followed and standard output is refused", "[folders]") {
   const TempDir dir;
   fs::create_directory(dir / "disk");
   fs::create_symlink("disk/c.ply", dir / "c.ply");
@@ -197,14 +178,15 @@ TEST_CASE("an output that is a symbolic link is written through, standard output
   }
 }
 
-TEST_CASE("the forecast is compared with what is free: certain, likely and enough", "[folders]") {
+TEST_CASE("the forecast is compared with the free space as certain or likely or enough", "[folders]") {
   constexpr double kGiB = 1024.0 * 1024.0 * 1024.0;
   const tool::DiskNeed need{"out", 10.0 * kGiB, 5.0 * kGiB};
   CHECK(tool::compare_disk_space(need, 15.0 * kGiB).empty());
   CHECK_THAT(tool::compare_disk_space(need, 6.0 * kGiB),
              Contains("about 15 GiB") && Contains("6.0 GiB are free") && Contains("may become full"));
   CHECK_THROWS_AS(tool::compare_disk_space(need, 5.0 * kGiB), OutputError);
-  CHECK(!tool::compare_disk_space({"out", 0.0, 5.0 * kGiB}, 1.0 * kGiB).empty());  // a forecast of points may fail
+  CHECK(!tool::compare_disk_space({"out", 0.0, 5.0 * kGiB}, 1.0 * kGiB)
+             .empty());  // the predicted number of points may be wrong
   CHECK_THROWS_AS(tool::compare_disk_space({"out", 0.0, 50.0 * kGiB}, 1.0 * kGiB), OutputError);
   CHECK_NOTHROW(tool::check_disk_space({{"no/such/folder", 1.0, 1.0}, {"/no/such", 0.0, 1.0}}));
   CHECK_THROWS_WITH(tool::check_disk_space({{"a/b", 1e18, 0.0}, {"c", 1e18, 0.0}}), Contains("will be written there"));

@@ -70,7 +70,7 @@ double shown(const cv::Mat& picture) {
 
 }  // namespace
 
-TEST_CASE("a stretch shows what lies evenly, and leaves a far crowd out", "[preview]") {
+TEST_CASE("the preview extent covers uniform points and excludes a distant cluster", "[preview]") {
   std::vector<double> values;
   for (int i = 0; i < 1000; ++i) values.push_back(0.008 * i - 3.0);
   const Interval even = framing_interval(values);
@@ -89,7 +89,7 @@ TEST_CASE("a stretch shows what lies evenly, and leaves a far crowd out", "[prev
   CHECK(framing_interval({2.0, 2.0, 2.0}).high == 2.0);
 }
 
-TEST_CASE("a wing that the camera went through is shown, however few points it has", "[preview]") {
+TEST_CASE("a wing visited by the camera is shown even with few points", "[preview]") {
   std::vector<Eigen::Vector3d> points, path;
   for (int i = 0; i < 4000; ++i) points.emplace_back(0.01 * (i % 1000), 0.01 * (i * 7 % 1000), 0.003 * (i * 13 % 1000));
   for (int i = 0; i < 400; ++i) points.emplace_back(10.0 + 0.15 * i, 5.0 + 2.0 * (i % 2), 0.003 * (i * 13 % 1000));
@@ -100,7 +100,7 @@ TEST_CASE("a wing that the camera went through is shown, however few points it h
   CHECK(box.low.x() < 0.5);
 }
 
-TEST_CASE("pictures frame the room, not what is seen through its windows, and say so", "[preview]") {
+TEST_CASE("pictures frame the room without the view through its windows and report it", "[preview]") {
   const ViewScene alone = room();
   CHECK(left_out_of(alone).empty());
   const double above = shown(draw_from_above(alone)), corner = shown(draw_from_corner(alone));
@@ -117,7 +117,7 @@ TEST_CASE("pictures frame the room, not what is seen through its windows, and sa
   }
 }
 
-TEST_CASE("a preview says what its pictures leave out", "[preview]") {
+TEST_CASE("a preview reports points outside its pictures", "[preview]") {
   const pmsp_test::TempDir dir;
   Preview preview(dir.path(), 1);
   const ViewScene scene = room(3000);

@@ -17,7 +17,7 @@ using Json = nlohmann::ordered_json;
 
 namespace {
 
-/// The truth of the mission as disparities: values that count in nobody's unit.
+/// The true disparities of the mission: values without a unit.
 void write_disparities(const fs::path& folder) {
   fs::create_directories(folder);
   for (const fs::directory_entry& file : fs::directory_iterator(mission() / "gt/range_mm")) {
@@ -37,7 +37,7 @@ std::size_t used(const Json& stats) {
 
 }  // namespace
 
-TEST_CASE("Depth from elsewhere is aligned, and what does not fit is left out and counted", "[prior depth]") {
+TEST_CASE("Prior depth is aligned and contradictory depth images are skipped and counted", "[prior depth]") {
   const TempDir dir;
   write_disparities(dir / "depth");
   const auto run = [&](const std::string& name) {
@@ -54,7 +54,7 @@ TEST_CASE("Depth from elsewhere is aligned, and what does not fit is left out an
   CHECK(stats["prior_depth"][0]["model"] == "inverse depth");
   CHECK(stats["prior_depth"][0]["scale"].get<double>() > 0.0);
 
-  // A broken file, a wrong shape and a missing one cost nobody else.
+  // A broken file, a wrong shape and a missing file affect their own keyframe only.
   std::vector<fs::path> files;
   for (const fs::directory_entry& file : fs::directory_iterator(dir / "depth")) files.push_back(file.path());
   REQUIRE(files.size() >= 3);
@@ -69,7 +69,7 @@ TEST_CASE("Depth from elsewhere is aligned, and what does not fit is left out an
   CHECK(densify(quick_run(dir / "no.ply", {"--prior-depth", (dir / "nothing").string()})).code == 3);
 }
 
-TEST_CASE("With a workspace the depth from elsewhere is an input", "[prior depth]") {
+TEST_CASE("Prior depth is an input of a workspace", "[prior depth]") {
   const TempDir dir;
   write_disparities(dir / "depth");
   const std::vector<std::string> more{

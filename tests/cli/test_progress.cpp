@@ -26,14 +26,14 @@ std::vector<std::string> lines_of(const std::string& text) {
 
 }  // namespace
 
-TEST_CASE("a standing is told in words, without what there is none of") {
+TEST_CASE("progress is printed in words without empty counts") {
   CHECK(run_progress_text({0.0, 0, 0, 0}, -1.0) == "0 %");
   CHECK(run_progress_text({0.37, 1, 812'345, 0}, 65.0) == "37 %, 1 min 05 s left; 1 depth map, 812 k pixels");
   CHECK(run_progress_text({0.995, 54, 48'300'000, 210'400}, 0.0) == "100 %, 0 s left; 54 depth maps, 210 k points");
   CHECK(short_count(9'999) == "9 999");
 }
 
-TEST_CASE("the share of the work takes keyframes to come to be like those that have come") {
+TEST_CASE("the finished share assumes that remaining keyframes are like the previous ones") {
   pmsp::DensifierStats stats;
   CHECK(run_progress_of(stats, 10).share == 0.0);
   stats.keyframes_added = 5;
@@ -44,7 +44,7 @@ TEST_CASE("the share of the work takes keyframes to come to be like those that h
   CHECK(run_progress_of(stats, 0).share == Approx(0.6));
 }
 
-TEST_CASE("statistics tell each count under its own name") {
+TEST_CASE("statistics contain each count under its own name") {
   RunReport report;
   report.keyframes = 1;
   report.with_image = 2;
@@ -74,7 +74,7 @@ TEST_CASE("statistics tell each count under its own name") {
   for (const char* name : {"points_fused", "points_repeated", "points"}) CHECK(json[name] == number++);
 }
 
-TEST_CASE("a run whose points come at the end tells how far it is") {
+TEST_CASE("a run with points at the end reports its progress") {
   const TempDir dir;
   const Result result = densify(quick_run(dir / "c.ply", {"--progress", "json", "--free-space-whole-mission"}));
   INFO(result.err);
@@ -100,7 +100,7 @@ TEST_CASE("a run whose points come at the end tells how far it is") {
   CHECK(before == Approx(1.0));
 }
 
-TEST_CASE("a run says what it does while points are held back, and ends with ten lines at most") {
+TEST_CASE("a run reports its stage while points are pending and ends with at most ten lines") {
   const TempDir dir;
   const Result result =
       densify(quick_run(dir / "c.ply", {"--free-space-whole-mission", "--preview", (dir / "look").string(),

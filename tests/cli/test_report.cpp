@@ -25,7 +25,7 @@ ordered_json data_of(const std::string& page) {
 
 }  // namespace
 
-TEST_CASE("a report says what was run and holds the points") {
+TEST_CASE("a report contains the command and the points") {
   if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
   const Result result =
@@ -66,7 +66,7 @@ TEST_CASE("a report says what was run and holds the points") {
   }
 }
 
-TEST_CASE("a report of a workspace is that of the whole mission") {
+TEST_CASE("a report of a workspace covers the whole mission") {
   if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
   const auto report = [&](const std::string& name) {
@@ -84,7 +84,7 @@ TEST_CASE("a report of a workspace is that of the whole mission") {
   }
 }
 
-TEST_CASE("a report that cannot be written is refused before the work") {
+TEST_CASE("an unwritable report is refused before any work") {
   if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
   CHECK(densify(quick_run(dir / "c.ply", {"--report", (dir / "no" / "r.html").string()})).code == 6);
@@ -94,7 +94,7 @@ TEST_CASE("a report that cannot be written is refused before the work") {
   CHECK(dir.entries() == 0);
 }
 
-TEST_CASE("nothing in the data of a page ends its element") {
+TEST_CASE("data embedded in a page cannot close its element") {
   const std::string evil = "</script><!--<script>&\xe2\x80\xa8\xff\"\\";
   const std::string text = pmsp::web::script_json({{"map", evil}, {evil, 1}});
   for (const char* mark : {"<", ">", "&", "\xe2\x80\xa8"}) CHECK(text.find(mark) == std::string::npos);
@@ -102,7 +102,7 @@ TEST_CASE("nothing in the data of a page ends its element") {
   CHECK(back["map"].get<std::string>().substr(0, 23) == evil.substr(0, 23));
 }
 
-TEST_CASE("what is no statistics gives no facts, and no error") {
+TEST_CASE("invalid statistics give no facts and no error") {
   const ordered_json odd{{"map", 5},        {"outputs", "x"}, {"keyframes", {1, 2}}, {"pixels", nullptr},
                          {"seconds", "no"}, {"seed", {}},     {"pairing", "yes"},    {"options", {{"width", "x"}}}};
   CHECK(pmsp::tool::report_facts(odd).size() == 1);  // points
@@ -110,14 +110,14 @@ TEST_CASE("what is no statistics gives no facts, and no error") {
   CHECK(pmsp::tool::report_problems(odd).empty());
 }
 
-TEST_CASE("keyframes are named as people name them") {
+TEST_CASE("keyframe ids are listed as ranges") {
   const std::vector<std::int64_t> order{1, 2, 5, 6, 7, 9, 12};
   CHECK(pmsp::tool::list_of_keyframes({5}, order) == "5");
   CHECK(pmsp::tool::list_of_keyframes({1, 2}, order) == "1 and 2");
   CHECK(pmsp::tool::list_of_keyframes({1, 5, 6, 7, 12}, order) == "1, 5 to 7 and 12");
 }
 
-TEST_CASE("a report is made from a cloud or a workspace alone, and says what it lacks") {
+TEST_CASE("a report from a cloud or a workspace alone lists missing parts") {
   if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
   const Result run =

@@ -19,7 +19,7 @@ using namespace pmsp;
 using namespace pmsp_test;
 using Catch::Contains;
 
-TEST_CASE("what waits lies in the scratch folder, of which nothing is left") {
+TEST_CASE("spilled results lie in the scratch directory and are removed") {
   const TempDir dir;
   const std::vector<std::string> mission_wide = {"--free-space-whole-mission", "--scratch"};
   std::vector<std::string> missing = mission_wide;
@@ -38,7 +38,7 @@ TEST_CASE("what waits lies in the scratch folder, of which nothing is left") {
   CHECK(dir.entries() == 2);
 }
 
-TEST_CASE("a run writes all that was asked for") {
+TEST_CASE("a run writes all requested outputs") {
   const TempDir dir;
   const Result result = densify(quick_run(
       dir / "c.ply", {"--mask", (mission() / "mask.png").string(), "--quality", "online", "--backend", "cpu", "--stats",
@@ -104,7 +104,7 @@ TEST_CASE("a run writes all that was asked for") {
   }
 }
 
-TEST_CASE("the default verb, and --force, replace an old cloud") {
+TEST_CASE("the default verb and --force replace an old cloud") {
   const TempDir dir;
   write_text(dir / "c.ply", "old");
   std::vector<std::string> words = quick_run(dir / "c.ply", {"--force", "-q"});
@@ -116,7 +116,7 @@ TEST_CASE("the default verb, and --force, replace an old cloud") {
   CHECK(dir.entries() == 1);
 }
 
-TEST_CASE("the bytes do not depend on the number of threads, but on the seed") {
+TEST_CASE("the bytes depend on the seed but not on the number of threads") {
   const TempDir dir;
   REQUIRE(densify(quick_run(dir / "1.ply", {"--threads", "1"})).code == 0);
   REQUIRE(densify(quick_run(dir / "2.ply", {"--threads", "2"})).code == 0);
@@ -126,7 +126,7 @@ TEST_CASE("the bytes do not depend on the number of threads, but on the seed") {
   CHECK(one != read_text(dir / "s.ply"));
 }
 
-TEST_CASE("masks come as one image, one for each image, or a cap at the nadir") {
+TEST_CASE("masks are one image or one per image or a cap at the nadir") {
   const TempDir dir;
   const std::string one = (mission() / "mask.png").string();
   std::filesystem::create_directory(dir / "masks");
@@ -150,10 +150,10 @@ TEST_CASE("masks come as one image, one for each image, or a cap at the nadir") 
   CHECK(densify(quick_run(dir / "c.ply", {"--mask-nadir", "100"})).code == 2);
 }
 
-TEST_CASE("images of other keyframes are refused, unless told not to look") {
+TEST_CASE("images of other keyframes are refused unless the check is disabled") {
   const TempDir dir;
   std::filesystem::create_directory(dir / "images");
-  const int shuffled[] = {3, 0, 4, 2, 1};  // no constant offset, which would be found out and undone
+  const int shuffled[] = {3, 0, 4, 2, 1};  // no constant offset, which would be detected and compensated
   for (int i = 0; i < 5; ++i) {
     const auto name = [](int n) { return "00000" + std::to_string(n) + ".png"; };
     std::filesystem::copy(mission() / "images" / name(i), dir / "images" / name(shuffled[i]));
@@ -170,7 +170,7 @@ TEST_CASE("images of other keyframes are refused, unless told not to look") {
   CHECK((code == 0 || code == 5));
 }
 
-TEST_CASE("an empty result gives 5, the stage and the option to try, and no file") {
+TEST_CASE("an empty result exits with 5 and names the stage and an option and writes no file") {
   const TempDir dir;
   const std::vector<std::pair<std::vector<std::string>, std::vector<std::string>>> cases{
       {{"--view-filter-min-parallax-deg", "170", "--view-filter-max-parallax-deg", "180"},
@@ -191,7 +191,7 @@ TEST_CASE("an empty result gives 5, the stage and the option to try, and no file
   }
 }
 
-TEST_CASE("each stage that may lose all points is named with an option that exists") {
+TEST_CASE("each stage that may lose all points is named with an existing option") {
   DensifierStats stats;
   const std::string help = densify({"run", "--help-all"}).out;
   const auto check = [&](const std::string& stage) {
@@ -259,7 +259,7 @@ TEST_CASE("progress for programs is JSON lines on standard output") {
   CHECK(last["points"] == read_ply(dir / "c.ply").positions.size());
 }
 
-TEST_CASE("a forced run removes depth maps and pictures of an earlier run, and nothing else") {
+TEST_CASE("a forced run removes only depth maps and pictures of an earlier run") {
   const TempDir dir;
   for (const char* folder : {"depth", "look"}) {
     std::filesystem::create_directory(dir / folder);
@@ -281,7 +281,7 @@ TEST_CASE("a forced run removes depth maps and pictures of an earlier run, and n
     INFO(own);
     CHECK(depth.count(own) == 0);
   }
-  CHECK(depth.size() == 4 + 5 * 4 + 1);  // what is not its own, five keyframes, the index
+  CHECK(depth.size() == 4 + 5 * 4 + 1);  // the foreign file, five keyframes, the index
   const std::set<std::string> look = entries("look");
   CHECK(look.count("keyframe_000077.png") == 0);
   CHECK(look.size() == 7 + 4 + 2);
@@ -299,7 +299,7 @@ TEST_CASE("SIGTERM ends a run with 143") {
   CHECK(dir.entries() == 0);
 }
 
-TEST_CASE("SIGINT ends a run with 130 and leaves nothing, the old cloud stays") {
+TEST_CASE("SIGINT ends a run with 130 and keeps only the old cloud") {
   const TempDir dir;
   write_text(dir / "c.ply", "old");
   Command command(densify_words(quick_run(dir / "c.ply", {"--force", "--width", "2048", "--height", "1024",

@@ -22,8 +22,6 @@ namespace fs = std::filesystem;
 
 namespace {
 
-using Words = std::vector<std::string>;
-
 /// A quick shard: its words are those of a quick run but for the cloud.
 Words shard(const TempDir& dir, const std::string& which, const Words& more = {}) {
   Words words = quick_run("", {"--workspace", (dir / "work").string(), "--shard", which});
@@ -39,27 +37,19 @@ Words merge(const TempDir& dir, const Words& more = {}) {
   return words;
 }
 
-Result require_ok(const Result& result) {
-  INFO(result.err);
-  REQUIRE(result.code == 0);
-  return result;
-}
-
 void check_fails(const Words& words, int code, const std::vector<std::string>& complaints) {
   const Result result = densify(words);
   CHECK(result.code == code);
   for (const std::string& complaint : complaints) CHECK_THAT(result.err, Contains(complaint));
 }
 
-bool same_bytes(const fs::path& a, const fs::path& b) { return read_text(a) == read_text(b); }
-
-/// The cloud of a run in one piece.
+/// The cloud of a single run.
 fs::path plain(const TempDir& dir, const Words& more = {}) {
   require_ok(densify(quick_run(dir / "plain.ply", more)));
   return dir / "plain.ply";
 }
 
-/// An instruction set whose results are others than those of a quick run; "" where there is none.
+/// An instruction set with results different from those of a quick run; "" if there is none.
 std::string other_engine() {
 #ifdef PMSP_SANITIZED
   return pmsp::widest_simd() == pmsp::Simd::kScalar ? "" : "auto";
@@ -70,7 +60,7 @@ std::string other_engine() {
 
 }  // namespace
 
-TEST_CASE("shards, one after another in any order or at once, merge to the bytes of the run in one piece", "[shards]") {
+TEST_CASE("shards in any order or at once merge to the bytes of a single run", "[shards]") {
   const TempDir dir, at_once;
   const fs::path expected = plain(dir);
   std::mt19937 random(static_cast<std::uint32_t>(std::chrono::steady_clock::now().time_since_epoch().count()));
@@ -95,7 +85,7 @@ TEST_CASE("shards, one after another in any order or at once, merge to the bytes
   require_ok(densify(merge(at_once)));
   CHECK(same_bytes(at_once / "c.ply", expected));
 
-  // It is a workspace like any other afterwards, and may be merged again.
+  // A merged workspace is complete and may be merged again.
   require_ok(densify(merge(dir, {"--stats", (dir / "s.json").string()})));
   require_ok(densify(merge(dir)));
   CHECK(same_bytes(dir / "c.ply", expected));
@@ -105,9 +95,9 @@ TEST_CASE("shards, one after another in any order or at once, merge to the bytes
   CHECK(same_bytes(dir / "c.ply", expected));
 }
 
-TEST_CASE("in two waves each shard's planes are made before points that need them", "[shards]") {
+TEST_CASE("in two waves planes of all shards are computed before the points that need them", "[shards]") {
   const TempDir dir;
-  // With a geometric pass; else a shard would make all of the planes before its own on the way.
+  // With a geometric pass; otherwise a shard would compute all planes before its own.
   const Words whole_mission{"--free-space-whole-mission", "--patchmatch-geometric-passes", "1"};
   const fs::path expected = plain(dir, whole_mission);
   const auto wave = [&](const std::string& which, const char* name) {
@@ -127,11 +117,11 @@ TEST_CASE("in two waves each shard's planes are made before points that need the
   CHECK(same_bytes(dir / "c.ply", expected));
 }
 
-TEST_CASE("more shards than keyframes, and a shard that is missing is named", "[shards]") {
+TEST_CASE("more shards than keyframes are allowed and a missing shard is named", "[shards]") {
   const TempDir dir;
   for (const char* which : {"0/8", "1/8", "2/8", "3/8", "5/8", "6/8", "7/8"}) require_ok(densify(shard(dir, which)));
   check_fails(merge(dir), 3, {"shard 4 of 8 has not finished (points of 1 keyframe", "run them again"});
-  // One that does not exist is none of them, nor is a folder that nobody has worked in.
+  // Missing and unused directories are no shards.
   check_fails({"merge", (dir / "other").string()}, 3, {"is no workspace"});
   CHECK_FALSE(fs::exists(dir / "other"));
   require_ok(densify(shard(dir, "4/8")));
@@ -139,7 +129,7 @@ TEST_CASE("more shards than keyframes, and a shard that is missing is named", "[
   CHECK(same_bytes(dir / "c.ply", plain(dir)));
 }
 
-TEST_CASE("a run in one piece takes up what shards have left", "[shards]") {
+TEST_CASE("a single run resumes the work of shards", "[shards]") {
   const TempDir dir;
   require_ok(densify(shard(dir, "0/2")));
   const Result run = require_ok(densify(quick_run(dir / "c.ply", {"--workspace", (dir / "work").string()})));
@@ -148,7 +138,7 @@ TEST_CASE("a run in one piece takes up what shards have left", "[shards]") {
   check_fails(merge(dir, {"--force"}), 0, {"are kept"});
 }
 
-TEST_CASE("shards of a step that goes on from another one give its bytes", "[shards]") {
+TEST_CASE("shards of a follow-up step give the bytes of a single run", "[shards]") {
   const TempDir dir, whole;
   const auto copy_images = [&](std::size_t count) {
     std::vector<fs::path> files;
@@ -177,7 +167,7 @@ TEST_CASE("shards of a step that goes on from another one give its bytes", "[sha
   CHECK(same_bytes(dir / "c.ply", whole / "c.ply"));
 }
 
-TEST_CASE("killed at any moment and run again, a shard goes on", "[shards]") {
+TEST_CASE("a shard killed at any moment resumes", "[shards]") {
 #ifdef PMSP_SANITIZED
   constexpr int kKills = 1;
 #else
@@ -197,7 +187,7 @@ TEST_CASE("killed at any moment and run again, a shard goes on", "[shards]") {
   CHECK(same_bytes(dir / "c.ply", plain(dir)));
 }
 
-TEST_CASE("a shard that does not go with the others is refused, and merge says why", "[shards]") {
+TEST_CASE("an inconsistent shard is refused and merge reports the reason", "[shards]") {
   const TempDir dir;
   require_ok(densify(shard(dir, "0/3")));
   check_fails(shard(dir, "1/3", {"--seed", "7"}), 3, {"shard 1/3 does not match", "seed 7 instead of 1"});
@@ -211,7 +201,7 @@ TEST_CASE("a shard that does not go with the others is refused, and merge says w
   require_ok(densify(shard(dir, "1/3")));
   require_ok(densify(shard(dir, "2/3")));
 
-  // As when folders that were worked in elsewhere are put together.
+  // As with merged directories of several machines.
   const fs::path marker = dir / "work/shards/points-2-of-3.json";
   const std::string text = read_text(marker);
   std::string other = text;
@@ -226,7 +216,7 @@ TEST_CASE("a shard that does not go with the others is refused, and merge says w
   CHECK(same_bytes(dir / "c.ply", plain(dir)));
 }
 
-TEST_CASE("workspace, map and images may be moved together before the merge", "[shards]") {
+TEST_CASE("workspace and map and images may be moved together before the merge", "[shards]") {
   const TempDir dir;
   fs::create_directories(dir / "a");
   fs::copy(mission() / "images", dir / "a/images");
@@ -249,7 +239,7 @@ TEST_CASE("workspace, map and images may be moved together before the merge", "[
   CHECK(same_bytes(dir / "c.ply", plain(dir)));
 }
 
-TEST_CASE("a job array says which shard a task is", "[shards]") {
+TEST_CASE("a job array determines the shard of a task", "[shards]") {
   const TempDir dir;
   check_fails(shard(dir, "auto"), 2, {"SLURM_ARRAY_TASK_ID"});
   const auto set = [](const char* name, const char* value) { setenv(name, value, 1); };
@@ -265,7 +255,7 @@ TEST_CASE("a job array says which shard a task is", "[shards]") {
   CHECK_THAT(beyond.err, Contains("task 8 of an array of 3"));
 }
 
-TEST_CASE("what does not go with shards is a usage error", "[shards]") {
+TEST_CASE("options incompatible with shards are a usage error", "[shards]") {
   const TempDir dir;
   for (const char* which : {"3/3", "-1/3", "x", "1", "/", "0/0", "1/2/3", "0.5/2", ""}) {
     INFO(which);

@@ -56,7 +56,7 @@ TEST_CASE("a mistyped verb or option is suggested up to two letters off") {
              !Contains("did you mean") && Contains("--help-all"));
 }
 
-TEST_CASE("usage errors give 2 and name what is wrong") {
+TEST_CASE("usage errors exit with 2 and name the cause") {
   const std::vector<std::pair<std::vector<std::string>, std::string>> cases{
       {{}, "MAP"},
       {{"run"}, "MAP"},
@@ -113,7 +113,7 @@ TEST_CASE("usage errors give 2 and name what is wrong") {
   }
 }
 
-TEST_CASE("each kind of error has the exit code that the help tells") {
+TEST_CASE("each kind of error has the documented exit code") {
   CHECK(tool::exit_code_of(std::runtime_error("")) == 1);
   CHECK(tool::exit_code_of(tool::UsageError("")) == 2);
   CHECK(tool::exit_code_of(InvalidOption("")) == 2);
@@ -126,14 +126,14 @@ TEST_CASE("each kind of error has the exit code that the help tells") {
   CHECK(tool::exit_code_of(tool::Interrupted(15)) == 143);
 }
 
-TEST_CASE("a backend that is not built gives 4 and says what to do") {
+TEST_CASE("a backend that is not built exits with 4 and names the remedy") {
   const TempDir dir;
   const Result result = densify(quick_run(dir / "c.ply", {"--backend", "cuda"}));
   CHECK(result.code == 4);
   CHECK_THAT(result.err, Contains("cuda") && Contains("backend cpu"));
 }
 
-TEST_CASE("input that cannot be used gives 3 and names the file") {
+TEST_CASE("unusable input exits with 3 and names the file") {
   const TempDir dir;
   const std::string map = (mission() / "map.msg").string();
   const std::string images = (mission() / "images").string();
@@ -162,7 +162,7 @@ TEST_CASE("input that cannot be used gives 3 and names the file") {
   CHECK(dir.entries() == 1);
 }
 
-TEST_CASE("outputs that exist are refused before any work, with 6") {
+TEST_CASE("existing outputs are refused before any work with exit code 6") {
   const TempDir dir;
   write_text(dir / "old", "old");
   std::filesystem::create_directory(dir / "full");
@@ -186,7 +186,7 @@ TEST_CASE("outputs that exist are refused before any work, with 6") {
   CHECK_THAT(folder.err, Contains("no/such/folder"));
 }
 
-TEST_CASE("outputs that get along may share a folder") {
+TEST_CASE("compatible outputs may share a directory") {
   const TempDir dir;
   const std::string folder = (dir / "out").string();
   std::filesystem::create_directory(folder);
@@ -199,7 +199,7 @@ TEST_CASE("outputs that get along may share a folder") {
   }
 }
 
-TEST_CASE("inputs are never overwritten, even with --force") {
+TEST_CASE("inputs are never overwritten even with --force") {
   const TempDir dir;
   std::filesystem::copy(mission() / "map.msg", dir / "map.msg");
   const std::string map = (dir / "map.msg").string();
@@ -208,7 +208,7 @@ TEST_CASE("inputs are never overwritten, even with --force") {
   CHECK(read_text(map) == read_text(mission() / "map.msg"));
 }
 
-TEST_CASE("info tells what is in a map and which images belong to it") {
+TEST_CASE("info reports the content of a map and its images") {
   const TempDir dir;
   std::filesystem::copy(mission() / "images", dir / "images");
   std::filesystem::remove(dir / "images/000003.png");
@@ -236,7 +236,7 @@ TEST_CASE("info tells what is in a map and which images belong to it") {
   CHECK_FALSE(nlohmann::json::parse(densify({"info", map, "--json"}).out).contains("images"));
 }
 
-TEST_CASE("info in front of a command refuses what the run refuses, with its exit code") {
+TEST_CASE("info before a command refuses the same input as the run with its exit code") {
   const TempDir dir;
   write_text(dir / "old.ply", "old");
   const std::string map = (mission() / "map.msg").string();
@@ -315,7 +315,7 @@ nlohmann::json budget_of(std::vector<std::string> arguments) {
 
 }  // namespace
 
-TEST_CASE("info predicts what a run takes") {
+TEST_CASE("info predicts memory and disk space and points of a run") {
   const std::string map = (mission() / "map.msg").string();
   const std::string images = (mission() / "images").string();
   const Result people = densify({"info", map, "--images", images, "--quality", "normal"});
@@ -332,7 +332,7 @@ TEST_CASE("info predicts what a run takes") {
   CHECK(online["gpu"]["least_device_bytes"].get<double>() > 1e7);  // in builds without CUDA, too
 
   const nlohmann::json high = budget_of({map, "--images", images, "--quality", "high"});
-  CHECK(high["width"] == 384);  // half as much again as that of the images, which are small
+  CHECK(high["width"] == 384);  // 1.5 times that of the images, which are small
   const nlohmann::json normal = budget_of({map, "--images", images, "--quality", "normal"});
   const nlohmann::json wide =
       budget_of({map, "--images", images, "--quality", "normal", "--width", "2880", "--height", "1440"});
@@ -344,7 +344,7 @@ TEST_CASE("info predicts what a run takes") {
   CHECK(wide["gpu"]["device_bytes"].get<double>() > 2.0 * normal["gpu"]["device_bytes"].get<double>());
 }
 
-TEST_CASE("run --print-memory says what info says of memory, and runs nothing") {
+TEST_CASE("run --print-memory prints the memory estimate of info and runs nothing") {
   const TempDir dir;
   const std::string map = (mission() / "map.msg").string();
   const std::string images = (mission() / "images").string();
@@ -369,7 +369,7 @@ TEST_CASE("run --print-memory says what info says of memory, and runs nothing") 
     CHECK(said["gpu"][key].get<double>() < predicted["gpu"][key].get<double>() + 256e6);
   }
   CHECK(said["gpu"]["free_device_bytes"] == 0);                     // of none
-  const double memory = said["cpu"]["memory_bytes"].get<double>();  // of all keyframes: who is used is not known yet
+  const double memory = said["cpu"]["memory_bytes"].get<double>();  // of all keyframes: the used ones are not known yet
   CHECK(memory >= predicted["cpu"]["memory_bytes"].get<double>());
   CHECK(memory < 1.2 * predicted["cpu"]["memory_bytes"].get<double>());
 
@@ -380,7 +380,7 @@ TEST_CASE("run --print-memory says what info says of memory, and runs nothing") 
   CHECK_FALSE(std::filesystem::exists(dir / "work"));
 }
 
-TEST_CASE("what info predicts grows with the mission, and is what a run takes") {
+TEST_CASE("predictions of info grow with the mission and match the run") {
   const TempDir dir;
   const std::string map = (mission() / "map.msg").string();
   std::filesystem::copy(mission() / "images", dir / "images");
@@ -430,7 +430,7 @@ TEST_CASE("what info predicts grows with the mission, and is what a run takes") 
 
 namespace {
 
-/// Two keyframes side by side, each with landmarks around at these ranges, of which they have some in common.
+/// Two adjacent keyframes with landmarks at these ranges, some of them common.
 tool::Budget budget_of_pair(const std::vector<double>& ranges, bool overlap) {
   SlamMap map;
   map.cameras.push_back({"camera", 640, 320, 10.0});
@@ -458,7 +458,7 @@ tool::Budget budget_of_pair(const std::vector<double>& ranges, bool overlap) {
 
 }  // namespace
 
-TEST_CASE("predicted points: duplicates where keyframes share landmarks, fewer where some of these are far") {
+TEST_CASE("predicted points account for duplicates by shared landmarks and for far landmarks") {
   const std::vector<double> room(20, 5.0);
   const double alone = budget_of_pair(room, false).points_per_pixel;
   const double shared = budget_of_pair(room, true).points_per_pixel;
@@ -469,7 +469,7 @@ TEST_CASE("predicted points: duplicates where keyframes share landmarks, fewer w
   CHECK(budget_of_pair(yard, false).points_per_pixel < 0.7 * alone);
 }
 
-TEST_CASE("keyframes that are not used take no memory of a predicted run") {
+TEST_CASE("unused keyframes take no memory in the prediction") {
   SlamMap map;
   map.cameras.push_back({"camera", 640, 320, 10.0});
   Plan plan;

@@ -34,7 +34,7 @@ std::vector<fs::path> files_in(const fs::path& folder) {
   return files;
 }
 
-/// The mission's images but for the last ones.
+/// The mission's images without the last ones.
 void copy_images(const fs::path& to, std::size_t count) {
   fs::create_directories(to);
   const std::vector<fs::path> files = files_in(mission() / "images");
@@ -43,35 +43,13 @@ void copy_images(const fs::path& to, std::size_t count) {
   }
 }
 
-bool same_bytes(const fs::path& a, const fs::path& b) { return read_text(a) == read_text(b); }
-
-std::vector<std::string> with(std::vector<std::string> words, const std::vector<std::string>& more) {
-  words.insert(words.end(), more.begin(), more.end());
-  return words;
-}
-
-/// A quick run on images of its own, in a workspace.
+/// A quick run on separate images, in a workspace.
 std::vector<std::string> step(const TempDir& dir, const std::vector<std::string>& more = {}) {
-  return with(quick_run(dir / "c.ply", {"--images", (dir / "images").string(), "--workspace", (dir / "work").string()}),
-              more);
+  return joined(
+      quick_run(dir / "c.ply", {"--images", (dir / "images").string(), "--workspace", (dir / "work").string()}), more);
 }
 
-void require_ok(const Result& result) {
-  INFO(result.err);
-  REQUIRE(result.code == 0);
-}
-
-/// Waits for what must come, and not for ever.
-template <class Condition>
-bool comes(const Condition& condition) {
-  for (int i = 0; i < 30000; ++i) {
-    if (condition()) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));
-  }
-  return false;
-}
-
-/// Runs until it ends by itself, and kills it at random moments before.
+/// Kills the run at random times and repeats it until one completes.
 int run_with_kills(const std::vector<std::string>& arguments, int kills, std::mt19937& random) {
   int killed = 0;
   for (int left = kills;; --left) {
@@ -90,7 +68,7 @@ int run_with_kills(const std::vector<std::string>& arguments, int kills, std::mt
 
 }  // namespace
 
-TEST_CASE("a new workspace gives the bytes of a run without one, and then there is nothing left to do") {
+TEST_CASE("a new workspace gives the bytes of a run without one and a second run has no work") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   require_ok(densify(quick_run(dir / "plain.ply")));
@@ -107,12 +85,12 @@ TEST_CASE("a new workspace gives the bytes of a run without one, and then there 
   CHECK(stats["workspace"]["kept"] == stats["workspace"]["depth_maps"]);
   CHECK(stats["keyframes"]["added"] == 5);
   fs::rename(dir / "work", dir / "moved");  // it holds no path that leads to itself
-  const Result elsewhere = densify(with(step(dir), {"--workspace", (dir / "moved").string()}));
+  const Result elsewhere = densify(joined(step(dir), {"--workspace", (dir / "moved").string()}));
   require_ok(elsewhere);
   CHECK_THAT(elsewhere.err, Contains("0 refined, 0 made"));
 }
 
-TEST_CASE("depth maps and pictures are those of a run without a workspace, also when planes are kept") {
+TEST_CASE("depth maps and pictures equal those of a run without a workspace also with cached planes") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   require_ok(densify(quick_run(dir / "plain.ply", {"--depth-maps", (dir / "plain").string()})));
@@ -128,7 +106,7 @@ TEST_CASE("depth maps and pictures are those of a run without a workspace, also 
   CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));
 }
 
-TEST_CASE("killed at any moment and run again, a step ends with the same bytes") {
+TEST_CASE("a step killed at any moment and run again gives the same bytes") {
   std::mt19937 random(static_cast<std::uint32_t>(std::chrono::steady_clock::now().time_since_epoch().count()));
   const TempDir first, second;
   copy_images(first / "images", 4);
@@ -154,7 +132,7 @@ TEST_CASE("killed at any moment and run again, a step ends with the same bytes")
   CHECK(files > 6);
 }
 
-TEST_CASE("a workspace that is to be deleted serves until the cloud is there") {
+TEST_CASE("a temporary workspace is kept until the cloud is written") {
   std::mt19937 random(static_cast<std::uint32_t>(std::chrono::steady_clock::now().time_since_epoch().count()));
   const TempDir dir;
   copy_images(dir / "images", 9);
@@ -166,12 +144,12 @@ TEST_CASE("a workspace that is to be deleted serves until the cloud is there") {
   CHECK_FALSE(fs::exists(dir / "work"));
 
   fs::remove(dir / "c.ply");
-  std::string line = "ulimit -f 400; trap '' XFSZ; exec";  // room for planes, not for the cloud
+  std::string line = "ulimit -f 400; trap '' XFSZ; exec";  // space for planes, not for the cloud
   for (const std::string& word : densify_words(words)) line += " '" + word + "'";
   const Result full = Command({"/bin/sh", "-c", line}).wait();
   INFO(full.err);
   CHECK(full.code == 6);
-  CHECK(files_in(dir / "work" / "planes").size() == 4);  // the first ones tell no pace
+  CHECK(files_in(dir / "work" / "planes").size() == 4);  // no time estimate from the first ones
   CHECK(files_in(dir / "work" / "points").empty());
   const Result again = densify(words);
   require_ok(again);
@@ -180,7 +158,7 @@ TEST_CASE("a workspace that is to be deleted serves until the cloud is there") {
   CHECK_FALSE(fs::exists(dir / "work"));
 }
 
-TEST_CASE("a full disk ends a step with 6, with more room it goes on to the same bytes") {
+TEST_CASE("a full disk ends a step with 6 and with more space it resumes to the same bytes") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   require_ok(densify(quick_run(dir / "plain.ply")));
@@ -194,7 +172,7 @@ TEST_CASE("a full disk ends a step with 6, with more room it goes on to the same
   CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));
 }
 
-TEST_CASE("run --follow takes up images as they come, and ends when nothing has changed for long enough") {
+TEST_CASE("run --follow uses images as they appear and ends after the idle timeout") {
   const TempDir dir;
   copy_images(dir / "images", 3);
   Command follow(densify_words(step(dir, {"--follow", "--until-idle", "4"})));
@@ -206,14 +184,14 @@ TEST_CASE("run --follow takes up images as they come, and ends when nothing has 
   CHECK(read_text(dir / "c.ply").size() > first.size());
 #ifndef PMSP_SANITIZED  // with these there is one pass only
   CHECK_THAT(result.err,
-             Contains("lack passes until a later run") && Contains("had too few passes"));  // made up for at the end
+             Contains("lack passes until a later run") && Contains("had too few passes"));  // completed at the end
 #endif
   const Result after = densify(step(dir));
   require_ok(after);
   CHECK_THAT(after.err, Contains("0 refined, 0 made"));
 }
 
-TEST_CASE("run --growing leaves passes to a run without it, which ends with what has all of them") {
+TEST_CASE("run --growing defers passes and a run without it completes them") {
   const TempDir dir;
   copy_images(dir / "images", 4);
   const Result first = densify(step(dir, {"--growing"}));
@@ -227,12 +205,12 @@ TEST_CASE("run --growing leaves passes to a run without it, which ends with what
   CHECK_THAT(last.err, Contains("had too few passes 5") && !Contains("lack passes until a later run"));
 #endif
   require_ok(densify(quick_run(dir / "plain.ply", {"--images", (dir / "images").string()})));
-  CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));  // all were matched anew
+  CHECK(same_bytes(dir / "c.ply", dir / "plain.ply"));  // all were matched again
   CHECK(densify(quick_run(dir / "n.ply", {"--growing"})).code == 2);
   CHECK(densify(step(dir, {"--growing", "--follow"})).code == 2);
 }
 
-TEST_CASE("run --follow ends with a run that expects no more keyframes, whatever was there before") {
+TEST_CASE("run --follow ends with a run that expects no more keyframes for any previous state") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   require_ok(densify(step(dir)));
@@ -243,7 +221,7 @@ TEST_CASE("run --follow ends with a run that expects no more keyframes, whatever
   CHECK(result.err.find("workspace:   ", first + 1) != std::string::npos);
 }
 
-TEST_CASE("run --follow waits out a state that cannot be used, and a signal ends it") {
+TEST_CASE("run --follow waits for a newer state after an unusable one and ends at a signal") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   const std::string map = read_text(mission() / "map.msg");
@@ -262,10 +240,10 @@ TEST_CASE("run --follow waits out a state that cannot be used, and a signal ends
   write_text(dir / "map.msg", "nonsense");
   words.push_back("--until-idle");
   words.push_back("0.5");
-  CHECK(densify(words).code == 3);  // what is wrong at the end is told
+  CHECK(densify(words).code == 3);  // an error at the end is reported
 }
 
-TEST_CASE("run --follow waits out a state that gives no points") {
+TEST_CASE("run --follow waits for a newer state after one without points") {
   const TempDir dir;
   copy_images(dir / "images", 2);  // with too little parallax between them
   Command follow(densify_words(step(dir, {"--follow", "--until-idle", "4", "--view-filter-min-parallax-deg", "20"})));
@@ -276,7 +254,7 @@ TEST_CASE("run --follow waits out a state that gives no points") {
   CHECK_THAT(result.err, Contains("waiting for a newer state") && Contains("wrote "));
 }
 
-TEST_CASE("outputs of the same workspace are replaced, others are not") {
+TEST_CASE("outputs of the same workspace are replaced and others are not") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   write_text(dir / "c.ply", "somebody's");
@@ -285,15 +263,15 @@ TEST_CASE("outputs of the same workspace are replaced, others are not") {
   require_ok(densify(step(dir, {"--force"})));
   require_ok(densify(step(dir)));
   write_text(dir / "d.ply", "somebody's");
-  CHECK(densify(with(step(dir), {"-o", (dir / "d.ply").string()})).code == 6);
+  CHECK(densify(joined(step(dir), {"-o", (dir / "d.ply").string()})).code == 6);
 }
 
-TEST_CASE("names may be relative to where the program is called, and are found again from elsewhere") {
+TEST_CASE("relative paths are resolved also from another working directory") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   std::string line = "cd '" + dir.path().string() + "' && exec";
   for (const std::string& word :
-       densify_words(with(quick_run("c.ply"), {"--images", "images", "--workspace", "work"}))) {
+       densify_words(joined(quick_run("c.ply"), {"--images", "images", "--workspace", "work"}))) {
     line += " '" + word + "'";
   }
   for (int round = 0; round < 3; ++round) require_ok(Command({"/bin/sh", "-c", line}).wait());
@@ -301,10 +279,10 @@ TEST_CASE("names may be relative to where the program is called, and are found a
   require_ok(elsewhere);
   CHECK_THAT(elsewhere.err, Contains("0 refined, 0 made"));
   write_text(dir / "work/c.ply", "somebody's");
-  CHECK(densify(with(step(dir), {"-o", (dir / "work/c.ply").string()})).code == 6);
+  CHECK(densify(joined(step(dir), {"-o", (dir / "work/c.ply").string()})).code == 6);
 }
 
-TEST_CASE("other options give what they give in a new workspace") {
+TEST_CASE("changed options give the result of a new workspace") {
   const TempDir dir, fresh;
   copy_images(dir / "images", 9);
   require_ok(densify(step(dir, {"--view-filter-min-sharpness", "0", "--force"})));
@@ -314,8 +292,8 @@ TEST_CASE("other options give what they give in a new workspace") {
                                              {"--fusion-spacing-px", "0.6"},
                                              {"--quality", "paper"},
                                              {"--quality", "paper", "--seed", "4"}}) {
-    require_ok(densify(step(dir, with(options, {"--force"}))));
-    require_ok(densify(with(quick_run(fresh / "c.ply"), with(options, {"--force"}))));
+    require_ok(densify(step(dir, joined(options, {"--force"}))));
+    require_ok(densify(joined(quick_run(fresh / "c.ply"), joined(options, {"--force"}))));
     INFO(options[1]);
     CHECK(same_bytes(dir / "c.ply", fresh / "c.ply"));
     require_ok(densify(step(dir, options)));  // and again, with nothing left to do
@@ -324,7 +302,7 @@ TEST_CASE("other options give what they give in a new workspace") {
   }
 }
 
-TEST_CASE("options that leave nothing of a workspace are refused before any work, and need --force") {
+TEST_CASE("options that invalidate a whole workspace are refused before any work without --force") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   require_ok(densify(step(dir)));
@@ -355,7 +333,7 @@ TEST_CASE("options that leave nothing of a workspace are refused before any work
   CHECK(read_text(dir / "c.ply") != cloud);
 }
 
-TEST_CASE("options that leave nothing of a run that was interrupted are refused as well") {
+TEST_CASE("options that invalidate an interrupted run are refused without --force") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   for (const bool is_deleted : {false, true}) {
@@ -369,7 +347,7 @@ TEST_CASE("options that leave nothing of a run that was interrupted are refused 
     });
     kill(command.pid(), SIGKILL);
     REQUIRE(command.wait().code == 137);
-    const Result other = densify(with(words, {"--seed", "4"}));
+    const Result other = densify(joined(words, {"--seed", "4"}));
     CHECK(other.code == 6);
     CHECK_THAT(other.err, Contains("seed 1 -> 4") && Contains("of a run that was interrupted"));
     const Result same = densify(words);
@@ -380,14 +358,14 @@ TEST_CASE("options that leave nothing of a run that was interrupted are refused 
   }
 }
 
-TEST_CASE("a workspace of another mission is refused, that of a mission that was moved goes on") {
+TEST_CASE("a workspace of another mission is refused and that of a moved mission resumes") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   require_ok(densify(step(dir)));
   fs::create_directory(dir / "mission");  // copied to another place, under other names
   fs::copy(mission() / "map.msg", dir / "mission/m.msg");
   fs::rename(dir / "images", dir / "mission/i");
-  std::vector<std::string> words = with(step(dir), {"--images", (dir / "mission/i").string()});
+  std::vector<std::string> words = joined(step(dir), {"--images", (dir / "mission/i").string()});
   words[1] = (dir / "mission/m.msg").string();
   const Result moved = densify(words);
   require_ok(moved);
@@ -398,11 +376,11 @@ TEST_CASE("a workspace of another mission is refused, that of a mission that was
   CHECK(other.code == 6);
   CHECK_THAT(other.err, Contains("this workspace is of ") && Contains("m.msg") && Contains("--force"));
   CHECK(read_text(dir / "c.ply") == cloud);
-  CHECK(densify(with(words, {"--follow", "--until-idle", "0.1"})).code == 6);
-  require_ok(densify(with(words, {"--force"})));
+  CHECK(densify(joined(words, {"--follow", "--until-idle", "0.1"})).code == 6);
+  require_ok(densify(joined(words, {"--force"})));
 }
 
-TEST_CASE("lenses that were taken for one are looked at again when there are twice as many images, and at the end") {
+TEST_CASE("a single-centre result is estimated again at twice the images and at the end") {
   const TempDir dir;
   struct Run {
     std::size_t images;
@@ -419,7 +397,7 @@ TEST_CASE("lenses that were taken for one are looked at again when there are twi
   }
 }
 
-TEST_CASE("an image that cannot be read costs its keyframe, not the run") {
+TEST_CASE("an unreadable image skips only its keyframe") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   const std::vector<fs::path> files = files_in(dir / "images");
@@ -434,7 +412,7 @@ TEST_CASE("an image that cannot be read costs its keyframe, not the run") {
   CHECK_THAT(mended.err, Contains("new 1"));
 }
 
-TEST_CASE("what does not go with a workspace is refused before any work") {
+TEST_CASE("options incompatible with a workspace are refused before any work") {
   const TempDir dir;
   copy_images(dir / "images", 9);
   const auto refused = [&](const std::vector<std::string>& words, int code, const char* complaint) {
@@ -446,9 +424,9 @@ TEST_CASE("what does not go with a workspace is refused before any work") {
   refused(quick_run(dir / "c.ply", {"--until-idle", "3"}), 2, "--until-idle needs --follow");
   refused(step(dir, {"--follow", "--until-idle", "-1"}), 2, "--until-idle is \"-1\"");
   refused(step(dir, {"--raw-depth-maps", (dir / "raw").string()}), 2, "exclude each other");
-  refused(with(step(dir), {"-o", (dir / "work/planes/c.ply").string()}), 2, "--workspace");
-  refused(with(step(dir), {"--workspace", (dir / "images").string()}), 3, "no workspace");
-  refused(with(step(dir), {"--workspace", ""}), 2, "--workspace is empty");
+  refused(joined(step(dir), {"-o", (dir / "work/planes/c.ply").string()}), 2, "--workspace");
+  refused(joined(step(dir), {"--workspace", (dir / "images").string()}), 3, "no workspace");
+  refused(joined(step(dir), {"--workspace", ""}), 2, "--workspace is empty");
   refused(quick_run(dir / "c.ply", {"--delete-workspace"}), 2, "--delete-workspace needs --workspace");
   refused(step(dir, {"--delete-workspace", "--growing"}), 2, "--growing exclude each other");
   refused(step(dir, {"--delete-workspace", "--follow"}), 2, "--follow exclude each other");

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-2-Clause
-# pkg_config.sh PREFIX LIBDIR WORK: builds and runs the consumer programs with what pkg-config says of the installed copy.
+# pkg_config.sh PREFIX LIBDIR WORK: builds and runs the consumer programs with the flags of pkg-config for the installed copy.
 set -euo pipefail
 prefix=$1 libdir=$2 work=$3
 source_dir=$(cd "$(dirname "$0")" && pwd)/project

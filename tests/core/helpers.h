@@ -54,7 +54,7 @@ inline MedianFilterOptions median_on() {
   return options;
 }
 
-/// What a single run of PatchMatch is given besides the mission.
+/// Inputs of a single PatchMatch run besides the mission.
 struct MatchSetup {
   std::vector<std::size_t> neighbours = {};  ///< indices of frames; empty = the one before and the one after
   PatchMatchOptions options = single_pass();
@@ -75,11 +75,11 @@ struct MatchStats {
 DepthMap match(const synth::Mission& mission, std::size_t reference, const MatchSetup& setup = {},
                MatchStats* stats = nullptr);
 
-/// The truth of a frame as a depth map that a perfect PatchMatch would give.
+/// The true depth map of a frame, as of a perfect PatchMatch.
 DepthMap truth_map(const synth::Frame& frame, float confidence = 1.0F);
 std::vector<DepthMap> truth_maps(const synth::Mission& mission, float confidence = 1.0F);
 
-/// Byte for byte.
+/// Whether all bytes are equal.
 bool same(const Image<float>& a, const Image<float>& b);
 bool same(const DepthMap& a, const DepthMap& b);
 
@@ -95,8 +95,8 @@ double filled(const Image<float>& depth);
 
 Eigen::Vector3d bearing_of(const Image<float>& depth, int x, int y);
 
-/// Lets a map look through the floor of synth::empty_room between two x and along three units of z: each pixel has the
-/// depth that a mirror shows, or, where `deeper` is not 0, so many times the floor's. Returns the indices of the
+/// Makes a map see through the floor of synth::empty_room between two x and along three units of z: each pixel has the
+/// depth of the mirror image or, if `deeper` is not 0, `deeper` times that of the floor. Returns the indices of the
 /// pixels.
 std::vector<std::size_t> look_through_floor(DepthMap& map, const synth::Scene& room, double left, double right,
                                             double deeper = 0.0);

@@ -8,8 +8,7 @@
 
 #include "pmsp/stages.h"
 
-/// The stages on depth maps, in which tests are written: planes go in and come out again. What a filter keeps stays as
-/// it is.
+/// The stages on depth maps, as used in tests: converts to planes and back. Kept depths are unchanged.
 namespace pmsp::test {
 
 /// A plane for each pixel; zero = none.
@@ -22,10 +21,10 @@ void consistency_filter(DepthMap& map, const std::vector<const DepthMap*>& other
                         const ConsistencyFilterOptions& options, const Executor& executor,
                         FilterStats* stats = nullptr);
 RangeMap range_map(const DepthMap& map, const Executor& executor);
-/// `neighbours`: where the keyframes are that the map is matched with.
+/// `neighbours`: poses of the source views of the map.
 PlaneImage plane_priors(const DepthMap& map, const Panorama& panorama, const std::vector<KeyframePose>& neighbours,
                         const DepthRange& range, const Executor& executor);
-/// Keyframes beside, above and before another one, so that any texture tells depths.
+/// Keyframes beside, above and before another one, so that any texture determines depth.
 std::vector<KeyframePose> places_around(const KeyframePose& pose);
 PlaneImage warp_planes(const DepthMap& previous, const KeyframePose& pose, int width, int height,
                        const Executor& executor);
@@ -38,10 +37,10 @@ struct FusedDepth {
 SurfelMap fuse_pixels(const std::vector<FusedDepth>& window, std::size_t current, const FusionOptions& options,
                       const Executor& executor);
 
-/// `map` as a camera so far beside it, along its x axis, that has everything at one depth.
+/// `map` seen from a camera at this offset along its x axis, with everything at one depth.
 DepthMap beside_at_depth(const DepthMap& map, double beside, float depth);
 
-/// Restores the rule that normal and confidence are 0 where depth is.
+/// Sets normal and confidence to 0 where the depth is 0.
 void clear_where_no_depth(DepthMap& map);
 
 }  // namespace pmsp::test

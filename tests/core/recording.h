@@ -11,7 +11,7 @@
 
 namespace pmsp::test {
 
-/// Everything that a Densifier handed out.
+/// All results that a Densifier delivered.
 struct Recording {
   std::vector<DepthMap> raw;
   std::vector<DepthMap> filtered;
@@ -25,10 +25,10 @@ struct Recording {
 bool same(const KeyframeCloud& a, const KeyframeCloud& b);
 bool same(const Recording& a, const Recording& b);
 
-/// Results of one kind after the other: in which order kinds come from several devices is another matter.
+/// Results grouped by kind: the order between kinds differs with several devices.
 Recording by_kind(Recording recording);
 
-/// What differs first; empty if nothing does.
+/// First difference; empty if equal.
 std::string difference(const Recording& a, const Recording& b);
 
 constexpr int kFlightWidth = width_of_any(128);
@@ -42,7 +42,7 @@ DensifierOptions fast_options(int width = kFlightWidth, int threads = 2);
 void fly_through(Densifier& densifier, const synth::Mission& mission);
 Recording densify(const synth::Mission& mission, const DensifierOptions& options);
 
-/// An empty room with seven keyframes, and what becomes of it with `fast_options()`.
+/// An empty room with seven keyframes, and its results with `fast_options()`.
 const synth::Mission& test_flight();
 const Recording& test_result();
 

@@ -12,7 +12,7 @@ namespace pmsp::test {
 namespace {
 
 constexpr int kWidth = 32;
-constexpr int kImageWidth = 2 * kWidth;  // images are compared at their own size
+constexpr int kImageWidth = 2 * kWidth;  // images are matched at their own size
 constexpr std::size_t kPlaces = 10;
 
 const synth::Mission& room() {
@@ -91,7 +91,7 @@ std::vector<SmallMission> small_missions(std::uint64_t seed) {
   std::vector<SmallMission> missions;
   for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh}) {
     const char* const name = quality == Quality::kOnline ? "online" : quality == Quality::kNormal ? "normal" : "high";
-    if (kSanitized && quality != Quality::kNormal) continue;  // the others have no stages that it has not
+    if (kSanitized && quality != Quality::kNormal) continue;  // the other presets have no further stages
     missions.push_back({name, small_preset(quality, seed), small_flight(count)});
   }
   SmallMission photos{"photos", small_preset(Quality::kOnline, seed), small_flight(count / 2)};

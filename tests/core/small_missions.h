@@ -11,11 +11,11 @@
 
 namespace pmsp::test {
 
-/// Keyframes of tiny images, and how they are computed.
+/// Keyframes with tiny images, and their options.
 struct SmallMission {
   std::string name;
   DensifierOptions options;
-  std::vector<Keyframe> keyframes;  ///< their views point to images that stay
+  std::vector<Keyframe> keyframes;  ///< the views point to images that outlive them
 };
 
 /// Out and back through a room, again and again. Some ids are missing, as after culling; some keyframes show what the
@@ -37,19 +37,19 @@ Keyframe keyframe_of(const SmallMission& mission, std::int64_t id);
 /// Gives keyframes units of their own, by powers of two, by which nothing is rounded.
 void give_scales(SmallMission& mission);
 
-/// What was handed out for each keyframe, whatever the order.
+/// Delivered results by keyframe, in any order.
 struct ResultsById {
   std::map<std::int64_t, DepthMap> raw, filtered;
   std::map<std::int64_t, KeyframeCloud> clouds;
 
   void add(const Recording& recording);
   std::size_t points() const;
-  int repeated = 0;  ///< results of keyframes that had come before
+  int repeated = 0;  ///< repeated results of a keyframe
 };
 ResultsById by_id(const Recording& recording);
 ResultsById in_scene_units(ResultsById results);
 
-/// What differs first; empty if nothing does.
+/// First difference; empty if equal.
 std::string difference(const ResultsById& a, const ResultsById& b);
 
 /// Of a Densifier that makes its own plan.

@@ -51,7 +51,7 @@ DepthMap without_depths(DepthMap map) {
   return map;
 }
 
-/// What a confidence stands for, in units of the error of a confidence of one half.
+/// Expected error of a confidence, in units of that of confidence 0.5.
 float reported_error(float confidence) { return 1.0F / confidence - 1.0F; }
 
 /// Every 37th pixel: no two of them are neighbours.
@@ -61,7 +61,7 @@ void plant(DepthMap& map, float factor) {
 
 }  // namespace
 
-TEST_CASE("true maps agree with each other", "[consistency]") {
+TEST_CASE("true depth maps agree with each other", "[consistency]") {
   const std::vector<std::pair<std::string, std::function<synth::Mission(const synth::Recipe&)>>> scenes = {
       {"empty_room", synth::empty_room},         {"sphere_inside", synth::sphere_inside},
       {"slanted_plane", synth::slanted_plane},   {"corridor_across_seam", synth::corridor_across_seam},
@@ -101,7 +101,7 @@ TEST_CASE("a floor seen at grazing angles does not disagree with itself", "[cons
   CHECK(frame.depth(80, 44) > 1.1F * frame.depth(80, 45));
 }
 
-TEST_CASE("wrong depths are dropped, what stays is unchanged", "[consistency]") {
+TEST_CASE("wrong depths are dropped and kept depths are unchanged", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   for (const float factor : {0.5F, 0.92F, 1.08F, 3.0F}) {
     INFO(factor);
@@ -124,7 +124,7 @@ TEST_CASE("wrong depths are dropped, what stays is unchanged", "[consistency]") 
   }
 }
 
-TEST_CASE("deviations inside the tolerance, or a pixel's angle, stay", "[consistency]") {
+TEST_CASE("deviations within the tolerance or a pixel's angle stay", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(synth::sphere_inside(small_recipe(kWidth, 5)));
   const auto kept = [&](double deviation, double tolerance) {
     DepthMap deviating = maps[2];
@@ -139,19 +139,19 @@ TEST_CASE("deviations inside the tolerance, or a pixel's angle, stay", "[consist
   CHECK(kept(1.2 * pixel_angle, 1.5 * pixel_angle) > 0.99);
 }
 
-TEST_CASE("more maps must agree than have looked through", "[consistency]") {
+TEST_CASE("more views must agree than see through the point", "[consistency]") {
   const DepthMap truth = truth_maps(room())[2];
   DepthMap nearer = truth;  // seen by three keyframes in one place
   for (float& depth : nearer.depth.pixels()) depth *= 0.8F;
   CHECK(filled(filtered(nearer, {&nearer, &nearer}).depth) > 0.995);
   CHECK(filled(filtered(nearer, {&nearer, &nearer, &truth}).depth) > 0.995);
   CHECK(filled(filtered(nearer, {&nearer, &nearer, &truth, &truth}).depth) < 0.005);
-  CHECK(filled(filtered(truth, {&truth, &truth, &nearer, &nearer}).depth) > 0.995);  // hidden, that is all
+  CHECK(filled(filtered(truth, {&truth, &truth, &nearer, &nearer}).depth) > 0.995);  // occluded only
 }
 
-TEST_CASE("many far keyframes that miss a thing do not make those drop it that see it from near", "[consistency]") {
+TEST_CASE("many far keyframes that miss a surface do not remove depths of near ones", "[consistency]") {
   const DepthMap near = beside_at_depth(truth_maps(room())[2], 0.0, 1.0F);
-  const auto kept_against = [&](double away) {  // from so far beside, twelve have seen the wall behind
+  const auto kept_against = [&](double away) {  // from this far aside, twelve views see the wall behind
     const DepthMap far = beside_at_depth(near, away, 10.0F);
     std::vector<const DepthMap*> others(12, &far);
     others.insert(others.end(), 2, &near);
@@ -161,19 +161,19 @@ TEST_CASE("many far keyframes that miss a thing do not make those drop it that s
   CHECK(kept_against(0.1) == 0.0);
 }
 
-TEST_CASE("holes neither agree nor could they", "[consistency]") {
+TEST_CASE("holes neither agree nor disagree", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   const DepthMap hole1 = without_depths(maps[1]);
   const DepthMap hole3 = without_depths(maps[3]);
   const DepthMap hole4 = without_depths(maps[4]);
-  CHECK(filled(filtered(maps[2], {&maps[0], &maps[1], &hole3, &hole4}).depth) > 0.985);  // two others agree
-  CHECK(filled(filtered(maps[2], {&maps[0], &hole1, &hole3, &hole4}).depth) > 0.985);    // the only one that could
+  CHECK(filled(filtered(maps[2], {&maps[0], &maps[1], &hole3, &hole4}).depth) > 0.985);  // two source views agree
+  CHECK(filled(filtered(maps[2], {&maps[0], &hole1, &hole3, &hole4}).depth) > 0.985);  // the only view that can see it
   const DepthMap hole0 = without_depths(maps[0]);
   CHECK(filled(filtered(maps[2], {&hole0, &hole1, &hole3, &hole4}).depth) == 0.0);
   CHECK(filled(filtered(without_depths(maps[2]), others_of(maps, 2)).depth) == 0.0);
 }
 
-TEST_CASE("at the ends of a sequence fewer maps must agree, but one other at least", "[consistency]") {
+TEST_CASE("at the ends of a sequence fewer views must agree and at least one other", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   const DepthMap hole = without_depths(maps[1]);
   CHECK(filled(filtered(maps[0], {&maps[1], &maps[2]}).depth) > 0.995);
@@ -187,9 +187,9 @@ TEST_CASE("at the ends of a sequence fewer maps must agree, but one other at lea
   CHECK(filled(filtered(maps[0], {&maps[1]}, wide).depth) > 0.995);
 }
 
-TEST_CASE("min_views counts the map itself", "[consistency]") {
+TEST_CASE("min_views counts the reference view", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
-  DepthMap other = maps[3];  // it neither agrees nor is hidden nor has looked through
+  DepthMap other = maps[3];  // it neither agrees nor is occluded nor sees through
   for (float& depth : other.depth.pixels()) depth *= 1.06F;
   const std::vector<const DepthMap*> one_agrees = {&maps[1], &other, &other, &other};
   ConsistencyFilterOptions options = {};
@@ -202,7 +202,7 @@ TEST_CASE("min_views counts the map itself", "[consistency]") {
   CHECK(filled(filtered(maps[2], others_of(maps, 2), options).depth) > 0.98);
 }
 
-TEST_CASE("confidence grows with the maps that agree and with how well they do", "[consistency]") {
+TEST_CASE("confidence grows with the number of agreeing views and their agreement", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(synth::sphere_inside(small_recipe(kWidth, 5)), 0.8F);
   const DepthMap hole = without_depths(maps[1]);
   std::vector<DepthMap> noisy = maps;
@@ -222,7 +222,7 @@ TEST_CASE("confidence grows with the maps that agree and with how well they do",
   CHECK(half < 9.0F);
 }
 
-TEST_CASE("confidence is low where the surface around is rough", "[consistency]") {
+TEST_CASE("confidence is low on rough surfaces", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   DepthMap rough = maps[2];
   const int x = kWidth / 4;
@@ -230,7 +230,7 @@ TEST_CASE("confidence is low where the surface around is rough", "[consistency]"
   for (std::size_t i = 0; i < rough.depth.size(); ++i) {
     rough.depth.pixels()[i] *= static_cast<float>(1.0 + 0.006 * synth::gaussian(4, i));
   }
-  rough.depth(x, y) = maps[2].depth(x, y);  // agrees as well as ever
+  rough.depth(x, y) = maps[2].depth(x, y);  // agrees as before
   const auto told = [&](const DepthMap& map) {
     return reported_error(filtered(map, others_of(maps, 2)).confidence(x, y));
   };
@@ -257,7 +257,7 @@ TEST_CASE("confidence is low where there is little parallax", "[consistency]") {
   CHECK(ahead / ahead_count > 1.6 * aside / aside_count);
 }
 
-TEST_CASE("what a pose is off by is told beside the rest, by the parallax at hand", "[consistency]") {
+TEST_CASE("pose errors lower the confidence according to the parallax", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(synth::sphere_inside(small_recipe(kWidth, 5)));
   const Executor executor(2);
   std::vector<PlaneMap> planes;
@@ -286,7 +286,7 @@ TEST_CASE("what a pose is off by is told beside the rest, by the parallax at han
   for (const double bad : {-1e-6, 1.5, std::nan("")}) CHECK_THROWS_AS(confidences(bad), InvalidInput);
 }
 
-TEST_CASE("a thin thing may lie two pixels beside its place, the edge of a wide one may not", "[consistency]") {
+TEST_CASE("thin structures may be off by two pixels but edges of wide ones may not", "[consistency]") {
   const DepthMap wall = truth_maps(synth::sphere_inside(small_recipe(kWidth, 1)))[0];
   constexpr int kTop = 20;
   constexpr int kBottom = 60;
@@ -357,7 +357,7 @@ TEST_CASE("errors of matched depths fall as confidence rises", "[consistency]" P
   }
 }
 
-TEST_CASE("a consistency filter that is switched off changes nothing, bad options are refused", "[consistency]") {
+TEST_CASE("a disabled consistency filter changes nothing and invalid options are refused", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   const DepthMap hole = without_depths(maps[1]);
   ConsistencyFilterOptions options;
@@ -367,7 +367,7 @@ TEST_CASE("a consistency filter that is switched off changes nothing, bad option
   CHECK_THROWS_AS(filtered(maps[2], {&hole}, options), InvalidOption);
 }
 
-TEST_CASE("the consistency filter refuses maps of another size", "[consistency]") {
+TEST_CASE("the consistency filter refuses depth maps of different sizes", "[consistency]") {
   DepthMap map = truth_map(synth::sphere_inside(small_recipe(64, 1)).frames[0]);
   const DepthMap other = truth_map(synth::sphere_inside(small_recipe(32, 1)).frames[0]);
   CHECK_THROWS_AS(consistency_filter(map, {&other}, {}, Executor(1)), InvalidInput);
@@ -394,7 +394,7 @@ TEST_CASE("the consistency filter gives the same bytes for any number of threads
   }
 }
 
-TEST_CASE("where few maps could see a depth, those that could must agree", "[consistency]") {
+TEST_CASE("where few views can see a depth all of these must agree", "[consistency]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   const auto kept = [&](int agreeing, float factor_of_others) {
     std::vector<DepthMap> others;
@@ -406,13 +406,13 @@ TEST_CASE("where few maps could see a depth, those that could must agree", "[con
     for (const DepthMap& other : others) pointers.push_back(&other);
     return filled(filtered(maps[2], pointers).depth);
   };
-  CHECK(kept(1, 0.5F) > 0.95);  // something hides it from all others
+  CHECK(kept(1, 0.5F) > 0.95);  // occluded from all others
   CHECK(kept(0, 0.5F) < 0.05);
-  CHECK(kept(1, 2.0F) < 0.05);  // all others look through it
+  CHECK(kept(1, 2.0F) < 0.05);  // all others see through it
   CHECK(kept(2, 0.5F) > 0.95);
 }
 
-TEST_CASE("far pixels agree with each other in any unit, and what floats in front of them goes", "[consistency]") {
+TEST_CASE("far pixels agree in any map units and floaters in front of them are dropped", "[consistency]") {
   const auto map_of = [](float inverse_depth, double scale) {
     PlaneMap map(kWidth, kWidth / 2);
     map.scale = scale;

@@ -24,7 +24,7 @@ DepthMap raw_depth_of_middle(const synth::Mission& mission) {
   callbacks.raw_depth = [&](const DepthMap& map) {
     if (map.keyframe_id != mission.frames[1].id) return;
     middle = map;
-    running->cancel();  // the third one would only cost time
+    running->cancel();  // a third one would only take time
   };
   Densifier densifier(preset(Quality::kOnline), callbacks);
   running = &densifier;
@@ -74,7 +74,7 @@ TEST_CASE("the online preset finds a textured room, whichever way the camera loo
   CHECK(std::abs(forward.all - backward.all) < 0.005);
 }
 
-TEST_CASE("images that are finer than the depth maps make clouds more exact", "[densifier]" PMSP_ACCURACY) {
+TEST_CASE("images finer than the depth maps make clouds more accurate", "[densifier]" PMSP_ACCURACY) {
   const synth::Mission mission = synth::textured_room(small_recipe(640, 5));
   const auto good = [&](double image_scale) {
     DensifierOptions options = fast_options(320);
@@ -87,7 +87,7 @@ TEST_CASE("images that are finer than the depth maps make clouds more exact", "[
   CHECK(fine > coarse + 0.02);
 }
 
-TEST_CASE("away from the line of flight it finds 98 % of it", "[densifier]" PMSP_ACCURACY) {
+TEST_CASE("away from the direction of motion 98 % of the room is found", "[densifier]" PMSP_ACCURACY) {
   CHECK(empty_room().forward.off_axis >= 0.98);
   CHECK(empty_room().backward.off_axis >= 0.98);
 }
@@ -99,8 +99,7 @@ TEST_CASE("the online preset finds a furnished room", "[densifier]" PMSP_ACCURAC
   CHECK(found.off_axis >= 0.93);
 }
 
-TEST_CASE("the sky makes no points, with clouds or overexposed, and houses and lawn make theirs",
-          "[densifier]" PMSP_ACCURACY) {
+TEST_CASE("the sky gives no points cloudy or overexposed while houses and lawn do", "[densifier]" PMSP_ACCURACY) {
   const bool is_overexposed = GENERATE(false, true);
   synth::Recipe recipe;
   recipe.width = 384;

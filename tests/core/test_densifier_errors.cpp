@@ -49,7 +49,7 @@ const std::vector<Mistake>& mistakes() {
 
 }  // namespace
 
-TEST_CASE("a keyframe that makes no sense is refused by name, and it is as if it had not come", "[densifier]") {
+TEST_CASE("an invalid keyframe is refused by name and has no effect", "[densifier]") {
   Recording recording;
   Densifier densifier(fast_options(), recording.callbacks());
   for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
@@ -64,14 +64,14 @@ TEST_CASE("a keyframe that makes no sense is refused by name, and it is as if it
     }
     CHECK(densifier.stats().keyframes_added == static_cast<std::int64_t>(i));
     CHECK(densifier.add(good));
-    CHECK_THROWS_AS(densifier.add(good), InvalidInput);  // its id was there before
+    CHECK_THROWS_AS(densifier.add(good), InvalidInput);  // its id was used before
     CHECK_THROWS_WITH(densifier.add(good), Catch::Contains("keyframe " + std::to_string(good.id)));
   }
   densifier.flush();
   CHECK(same(recording, test_result()));
 }
 
-TEST_CASE("images whose shape makes no depth map are refused, and it is as if they had not come", "[densifier]") {
+TEST_CASE("images of an unusable shape are refused and have no effect", "[densifier]") {
   DensifierOptions options = fast_options(kTinyWidth);
   options.height = 0;
   Densifier densifier(options, {});
@@ -85,7 +85,7 @@ TEST_CASE("images whose shape makes no depth map are refused, and it is as if th
   CHECK(densifier.options().height == kTinyWidth / 2);
 }
 
-TEST_CASE("landmarks at the camera or beyond all measure do not end a flight", "[densifier]") {
+TEST_CASE("landmarks at the camera or at huge distances do not abort a mission", "[densifier]") {
   Densifier densifier(fast_options(kTinyWidth), {});
   for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
     Keyframe keyframe = synth::keyframe_of(test_flight(), i);
@@ -111,7 +111,7 @@ TEST_CASE("an id stays taken over a flush and over a rejection", "[densifier]") 
   CHECK_THROWS_AS(densifier.add(first), InvalidInput);
 }
 
-TEST_CASE("bad options are refused when the Densifier is made", "[densifier]") {
+TEST_CASE("invalid options are refused by the constructor", "[densifier]") {
   DensifierOptions options;
   options.width = 33;
   CHECK_THROWS_AS(Densifier(options, {}), InvalidOption);
@@ -123,7 +123,7 @@ TEST_CASE("bad options are refused when the Densifier is made", "[densifier]") {
   CHECK_THROWS_AS(Densifier(options, {}), InvalidOption);
 }
 
-TEST_CASE("an instruction set that the machine lacks is refused", "[densifier]") {
+TEST_CASE("an unsupported instruction set is refused", "[densifier]") {
   const std::vector<Simd> sets = available_simd();
   for (const Simd simd : {Simd::kScalar, Simd::kAvx2, Simd::kAvx512}) {
     DensifierOptions options = fast_options();
@@ -137,14 +137,14 @@ TEST_CASE("an instruction set that the machine lacks is refused", "[densifier]")
   }
 }
 
-TEST_CASE("what a callback throws comes out of add or flush", "[densifier]") {
+TEST_CASE("an exception of a callback leaves add or flush", "[densifier]") {
   DensifierCallbacks callbacks;
   callbacks.raw_depth = [](const DepthMap&) { throw std::runtime_error("disk full"); };
   Densifier densifier(fast_options(), callbacks);
   CHECK_THROWS_WITH(fly_through(densifier, test_flight()), "disk full");
 }
 
-TEST_CASE("after a callback has thrown, nothing more is taken or handed out", "[densifier]") {
+TEST_CASE("after an exception of a callback no input is accepted and no result delivered", "[densifier]") {
   int clouds = 0;
   bool thrown = false;
   DensifierCallbacks callbacks;
@@ -163,7 +163,7 @@ TEST_CASE("after a callback has thrown, nothing more is taken or handed out", "[
   CHECK(clouds == 0);
 }
 
-TEST_CASE("a CUDA device that is not there is an error, and with auto a reason for the CPU", "[densifier][errors]") {
+TEST_CASE("a missing CUDA device is an error and with auto a reason for the CPU", "[densifier][errors]") {
   DensifierOptions options = fast_options(kTinyWidth);
   options.devices = {255};
   options.backend = Backend::kCuda;

@@ -15,7 +15,7 @@ namespace {
 
 using Ids = std::vector<std::int64_t>;
 
-/// A mission, its plan, and what comes of the whole of it.
+/// A mission, its plan, and the results of the whole mission.
 struct Sample {
   explicit Sample(SmallMission given)
       : mission(std::move(given)), plan(plan_of(mission)), whole(by_id(whole_run(mission))) {
@@ -28,8 +28,8 @@ struct Sample {
   ResultsById whole;
 };
 
-/// Computes each piece with its halo only, in this order, and compares what they give together with the whole. Returns
-/// the images that were given.
+/// Computes each part with its halo only, in this order, and compares the combined results with those of the whole
+/// mission. Returns the number of images used.
 std::size_t check_pieces(const Sample& sample, const std::vector<Ids>& pieces) {
   ResultsById merged;
   std::size_t images = 0;
@@ -40,7 +40,7 @@ std::size_t check_pieces(const Sample& sample, const std::vector<Ids>& pieces) {
   return images;
 }
 
-/// The mission dealt out at random: in stretches, or each keyframe by itself.
+/// A random partition of the mission: into ranges, or by single keyframes.
 std::vector<Ids> dealt_out(const Ids& ids, std::size_t pieces, bool stretches, std::mt19937& random) {
   std::vector<Ids> result(pieces);
   std::size_t piece = 0;
@@ -48,14 +48,13 @@ std::vector<Ids> dealt_out(const Ids& ids, std::size_t pieces, bool stretches, s
     if (!stretches || random() % (ids.size() / pieces) == 0) piece = random() % pieces;
     result[piece].push_back(id);
   }
-  for (Ids& part : result)
-    std::shuffle(part.begin(), part.end(), random);  // which order they are named in means nothing
+  for (Ids& part : result) std::shuffle(part.begin(), part.end(), random);  // their order has no effect
   return result;
 }
 
 }  // namespace
 
-TEST_CASE("a mission cut in two anywhere gives what it gives as a whole", "[densifier][pieces]") {
+TEST_CASE("a mission cut in two anywhere gives the results of the whole mission", "[densifier][pieces]") {
   for (SmallMission& mission : small_missions()) {
     const Sample sample(std::move(mission));
     const Ids ids = ids_of(sample.mission.keyframes);
@@ -65,12 +64,13 @@ TEST_CASE("a mission cut in two anywhere gives what it gives as a whole", "[dens
       const auto at = ids.begin() + static_cast<std::ptrdiff_t>(cut);
       left_out += 2 * ids.size() - check_pieces(sample, {Ids(at, ids.end()), Ids(ids.begin(), at)});
     }
-    if (!kSanitized) CHECK(left_out > ids.size() * ids.size() / every / 4);  // or nothing was cut
+    if (!kSanitized) CHECK(left_out > ids.size() * ids.size() / every / 4);  // otherwise nothing was cut
   }
 }
 
-// Many runs: too slow with sanitizers, which the tests around it do for.
-TEST_CASE("a mission dealt out at random gives what it gives as a whole", "[densifier][pieces]" PMSP_ACCURACY) {
+// Many runs: too slow with sanitizers; the other tests cover the same code.
+TEST_CASE("a mission partitioned at random gives the results of the whole mission",
+          "[densifier][pieces]" PMSP_ACCURACY) {
   for (const std::uint64_t seed : {2U, 3U}) {
     std::mt19937 random(static_cast<std::uint32_t>(seed));
     for (SmallMission& mission : small_missions(seed)) {
@@ -82,7 +82,7 @@ TEST_CASE("a mission dealt out at random gives what it gives as a whole", "[dens
   }
 }
 
-TEST_CASE("one keyframe with its halo gives what the whole mission gives for it", "[densifier][pieces]" PMSP_ACCURACY) {
+TEST_CASE("one keyframe with its halo gives its results in the whole mission", "[densifier][pieces]" PMSP_ACCURACY) {
   for (SmallMission& mission : small_missions()) {
     const Sample sample(std::move(mission));
     for (std::size_t i = 0; i < sample.mission.keyframes.size(); i += 4) {

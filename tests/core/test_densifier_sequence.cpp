@@ -18,7 +18,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-std::vector<std::int64_t> ids_of(const Recording& recording, char kind) {
+std::vector<std::int64_t> ids_of_kind(const Recording& recording, char kind) {
   std::vector<std::int64_t> ids;
   for (const auto& [what, id] : recording.order) {
     if (what == kind) ids.push_back(id);
@@ -36,11 +36,11 @@ synth::Mission part(std::size_t from, std::size_t to) {
 
 }  // namespace
 
-TEST_CASE("every keyframe's results come once, in order, both ends included", "[densifier]") {
+TEST_CASE("results of each keyframe are delivered once and in order including both ends", "[densifier]") {
   const std::vector<std::int64_t> all = {0, 1, 2, 3, 4, 5, 6};
   for (const char kind : {'r', 'f', 'c'}) {
     INFO(kind);
-    CHECK(ids_of(test_result(), kind) == all);
+    CHECK(ids_of_kind(test_result(), kind) == all);
   }
   for (const std::int64_t id : all) {
     const auto at = [&](char kind) {
@@ -55,7 +55,7 @@ TEST_CASE("every keyframe's results come once, in order, both ends included", "[
   }
 }
 
-TEST_CASE("short sequences: one keyframe gives nothing, two give both", "[densifier]") {
+TEST_CASE("a sequence of one keyframe gives no results and of two both", "[densifier]") {
   CHECK(densify(part(0, 1), fast_options()).order.empty());
   CHECK(densify(part(0, 0), fast_options()).order.empty());
   for (const std::size_t count : {std::size_t{2}, std::size_t{3}}) {
@@ -68,14 +68,14 @@ TEST_CASE("short sequences: one keyframe gives nothing, two give both", "[densif
   }
 }
 
-TEST_CASE("results arrive while the flight goes on", "[densifier]") {
+TEST_CASE("results are delivered during the mission", "[densifier]") {
   const synth::Mission flight = synth::empty_room(small_recipe(kTinyWidth, 14));
   Recording recording;
   DensifierOptions options = fast_options(kTinyWidth);
   options.advanced.patchmatch.geometric_passes = 0;
   Densifier densifier(options, recording.callbacks());
   constexpr std::size_t kMatched = 2;  // keyframes for each pass of matching
-  constexpr std::size_t kLate = 10;    // two more each for consistency, fusion and two rounds of ownership
+  constexpr std::size_t kLate = 10;    // two more each for consistency, fusion and two rounds of duplicate removal
   for (std::size_t i = 0; i < flight.frames.size(); ++i) {
     REQUIRE(densifier.add(synth::keyframe_of(flight, i)));
     INFO("after keyframe " << i);
@@ -86,7 +86,7 @@ TEST_CASE("results arrive while the flight goes on", "[densifier]") {
   CHECK(recording.clouds.size() == flight.frames.size());
 }
 
-TEST_CASE("a flush that comes twice or at once does no harm", "[densifier]") {
+TEST_CASE("a flush twice or at once without keyframes has no effect", "[densifier]") {
   Recording recording;
   Densifier densifier(fast_options(), recording.callbacks());
   densifier.flush();
@@ -113,7 +113,7 @@ TEST_CASE("after a flush a new sequence starts as in a new Densifier", "[densifi
   CHECK(densifier.stats().depth_maps == 11);
 }
 
-TEST_CASE("what poses are off by lowers the confidences that are told, and changes no depth", "[densifier]") {
+TEST_CASE("pose errors lower the confidences and change no depth", "[densifier]") {
   const auto densified = [](double pose_error, bool free_space) {
     Recording recording;
     DensifierOptions options = fast_options();
@@ -154,7 +154,7 @@ TEST_CASE("what poses are off by lowers the confidences that are told, and chang
   }
 }
 
-TEST_CASE("keyframes that the view filter rejects have no part in the result", "[densifier]") {
+TEST_CASE("keyframes rejected by the view filter do not affect the result", "[densifier]") {
   Recording with;
   Recording without;
   Densifier densifier(fast_options(), with.callbacks());
@@ -175,7 +175,7 @@ TEST_CASE("keyframes that the view filter rejects have no part in the result", "
   CHECK(densifier.stats().keyframes_rejected == 7);
 }
 
-TEST_CASE("a blurred keyframe is left out and counted", "[densifier]" PMSP_ACCURACY) {
+TEST_CASE("a blurred keyframe is skipped and counted", "[densifier]" PMSP_ACCURACY) {
   Recording recording;
   Densifier densifier(fast_options(), recording.callbacks());
   for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
@@ -193,12 +193,12 @@ TEST_CASE("a blurred keyframe is left out and counted", "[densifier]" PMSP_ACCUR
     CHECK(densifier.add(keyframe) == (i != 3));
   }
   densifier.flush();
-  CHECK(ids_of(recording, 'c') == std::vector<std::int64_t>{0, 1, 2, 4, 5, 6});
+  CHECK(ids_of_kind(recording, 'c') == std::vector<std::int64_t>{0, 1, 2, 4, 5, 6});
   CHECK(densifier.stats().keyframes_blurred == 1);
   CHECK(densifier.stats().keyframes_rejected == 1);
 }
 
-TEST_CASE("accepted keyframes that get no depth map are counted with the reason", "[densifier]") {
+TEST_CASE("accepted keyframes without a depth map are counted by reason", "[densifier]") {
   Densifier alone(fast_options(kTinyWidth), {});
   alone.add(synth::keyframe_of(test_flight(), 0));
   alone.flush();
@@ -217,13 +217,13 @@ TEST_CASE("accepted keyframes that get no depth map are counted with the reason"
     densifier.add(keyframe);
   }
   densifier.flush();
-  CHECK(ids_of(recording, 'c') == std::vector<std::int64_t>{0, 3});
+  CHECK(ids_of_kind(recording, 'c') == std::vector<std::int64_t>{0, 3});
   CHECK(densifier.stats().depth_maps == 2);
   CHECK(densifier.stats().keyframes_without_range == 2);
   CHECK(densifier.stats().keyframes_without_neighbour == 0);
 }
 
-TEST_CASE("statistics add up", "[densifier]") {
+TEST_CASE("statistics are consistent", "[densifier]") {
   Recording recording;
   DensifierOptions options = fast_options();
   options.advanced.median.weighted = GENERATE(false, true);
@@ -256,12 +256,12 @@ TEST_CASE("statistics add up", "[densifier]") {
   }
 }
 
-TEST_CASE("the cloud lies on the room's walls and is not doubled", "[densifier]" PMSP_ACCURACY) {
+TEST_CASE("the cloud lies on the room's walls without double surfaces", "[densifier]" PMSP_ACCURACY) {
   const synth::Mission room = synth::textured_room(small_recipe(256, 5));
   const Recording recording = densify(room, fast_options(256));
   const double share = points_on_surface(room.scene, recording.clouds, 0.02);
   CAPTURE(share);
-  CHECK(share > 0.86);  // in the line of flight, wrong depths of several maps agree with each other
+  CHECK(share > 0.86);  // in the direction of motion, wrong depths of several maps agree with each other
   std::size_t kept = 0;
   std::size_t most = 0;
   for (const DepthMap& map : recording.filtered) {
@@ -285,7 +285,7 @@ TEST_CASE("filtering raises the share of good depths", "[densifier]" PMSP_ACCURA
   }
 }
 
-TEST_CASE("images may be gone once add returns", "[densifier]") {
+TEST_CASE("images may be freed once add returns", "[densifier]") {
   Recording recording;
   Densifier densifier(fast_options(), recording.callbacks());
   for (std::size_t i = 0; i < test_flight().frames.size(); ++i) {
@@ -317,7 +317,7 @@ TEST_CASE("images with padded rows give the same result", "[densifier]") {
   CHECK(same(recording, test_result()));
 }
 
-TEST_CASE("depth maps have the size that was asked for, or that of the images", "[densifier]") {
+TEST_CASE("depth maps have the requested size or that of the images", "[densifier]") {
   const synth::Mission two = part(0, 2);
   DensifierOptions options = fast_options();
   const auto size_with = [&](int width, int height) {
@@ -338,7 +338,7 @@ TEST_CASE("depth maps have the size that was asked for, or that of the images", 
   CHECK(size_with(160, 80) == std::pair{160, 80});  // larger than the images
 }
 
-TEST_CASE("the options in force have nothing automatic left", "[densifier]") {
+TEST_CASE("the resolved options contain no automatic values", "[densifier]") {
   DensifierOptions options = fast_options(kFlightWidth, 0);
   options.simd = Simd::kAuto;
   const Densifier densifier(options, {});
@@ -368,7 +368,7 @@ TEST_CASE("a cloud follows its keyframe when poses are corrected", "[densifier]"
   }
 }
 
-TEST_CASE("no callback need be set", "[densifier]") {
+TEST_CASE("callbacks are optional", "[densifier]") {
   Densifier densifier(fast_options(), {});
   fly_through(densifier, test_flight());
   std::size_t kept = 0;
@@ -376,10 +376,10 @@ TEST_CASE("no callback need be set", "[densifier]") {
     kept += static_cast<std::size_t>(std::llround(filled(map.depth) * static_cast<double>(map.depth.size())));
   }
   CHECK(densifier.stats().pixels_after_consistency == static_cast<std::int64_t>(kept));
-  CHECK(densifier.stats().points == 0);  // nobody asked for any
+  CHECK(densifier.stats().points == 0);  // none were requested
 }
 
-TEST_CASE("a Densifier that is moved goes on", "[densifier]") {
+TEST_CASE("a moved Densifier continues", "[densifier]") {
   Recording recording;
   auto first = std::make_unique<Densifier>(fast_options(), recording.callbacks());
   for (std::size_t i = 0; i < 3; ++i) first->add(synth::keyframe_of(test_flight(), i));
@@ -426,7 +426,7 @@ TEST_CASE("warping the previous planes and sparse points can be switched off", "
   CAPTURE(share(warm), share(cold), share(colder));
   CHECK_FALSE(same(warm, cold));
   CHECK(share(warm) > share(colder) - 0.01);
-  // What it is for: keyframes that follow one another need fewer iterations.
+  // Its purpose: consecutive keyframes need fewer iterations.
   options.advanced.init = {};
   options.advanced.patchmatch.iterations = 1;
   options.advanced.patchmatch.geometric_passes = 0;
@@ -435,7 +435,7 @@ TEST_CASE("warping the previous planes and sparse points can be switched off", "
   CHECK(soon > share(densify(part(0, 4), options)) + 0.02);
 }
 
-TEST_CASE("with the whole mission, points are held back until the end, in order", "[densifier]") {
+TEST_CASE("duplicate removal over the whole mission delivers points at the end in order", "[densifier]") {
   for (const bool whole : {false, true}) {
     INFO(whole);
     DensifierOptions options = fast_options();
@@ -456,7 +456,7 @@ TEST_CASE("with the whole mission, points are held back until the end, in order"
   }
 }
 
-TEST_CASE("a flight back over the same places gives few points more, and they are counted", "[densifier]") {
+TEST_CASE("a second pass over the same places adds few points and duplicates are counted", "[densifier]") {
   const auto fly_twice = [](bool whole_mission, bool flush_between) {
     DensifierOptions options = fast_options(kTinyWidth);
     options.advanced.fusion.spacing_px = 1.0;

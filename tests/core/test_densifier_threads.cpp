@@ -20,7 +20,7 @@ TEST_CASE("the number of threads changes no byte of the result", "[densifier][th
   }
 }
 
-TEST_CASE("two Densifiers at once give what each gives alone", "[densifier][threads]") {
+TEST_CASE("two Densifiers at once give the results of each alone", "[densifier][threads]") {
   synth::Recipe recipe = small_recipe(kFlightWidth, 4);
   recipe.mission.first_id = 100;
   const synth::Mission other = synth::sphere_inside(recipe);
@@ -36,11 +36,11 @@ TEST_CASE("two Densifiers at once give what each gives alone", "[densifier][thre
   CHECK(same(second, other_alone));
 }
 
-TEST_CASE("what waits in a scratch folder is what would wait in memory", "[densifier]") {
+TEST_CASE("spilling to a scratch directory changes no result", "[densifier]") {
   const pmsp_test::TempDir dir;
   DensifierOptions options = fast_options();
   options.advanced.free_space.whole_mission = true;
-  options.advanced.free_space.history = 4;  // some points are handed out before the end
+  options.advanced.free_space.history = 4;  // some points are delivered before the end
   const Recording memory = densify(test_flight(), options);
   options.scratch_folder = dir.path().string();
   CHECK(difference(densify(test_flight(), options), memory).empty());
@@ -49,14 +49,14 @@ TEST_CASE("what waits in a scratch folder is what would wait in memory", "[densi
   CHECK_THROWS_AS(densify(test_flight(), options), OutputError);
 }
 
-TEST_CASE("a Densifier may be used from another thread than the one that made it", "[densifier][threads]") {
+TEST_CASE("a Densifier may be used from another thread than its creator", "[densifier][threads]") {
   Recording recording;
   Densifier densifier(fast_options(), recording.callbacks());
   std::thread([&] { fly_through(densifier, test_flight()); }).join();
   CHECK(same(recording, test_result()));
 }
 
-TEST_CASE("callbacks come on the thread that calls add and flush", "[densifier][threads]") {
+TEST_CASE("callbacks run on the thread that calls add and flush", "[densifier][threads]") {
   const std::thread::id here = std::this_thread::get_id();
   int elsewhere = 0;
   DensifierCallbacks callbacks;
@@ -68,7 +68,7 @@ TEST_CASE("callbacks come on the thread that calls add and flush", "[densifier][
   CHECK(elsewhere == 0);
 }
 
-TEST_CASE("after cancel nothing more is handed out", "[densifier][threads]") {
+TEST_CASE("after cancel no result is delivered", "[densifier][threads]") {
   for (const std::size_t at : {std::size_t{1}, std::size_t{3}, std::size_t{7}}) {
     INFO("after " << at << " results");
     Recording recording;

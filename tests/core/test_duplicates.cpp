@@ -33,7 +33,7 @@ RigidTransform at(const Vector3d& center, double yaw_deg = 0.0) {
   return synth::yawed(level, yaw_deg);
 }
 
-/// Depth maps of a scene, and their way to points: everybody asks everybody within `reach` in the list.
+/// Depth maps of a scene and their points: each keyframe is compared with all within `reach` in the list.
 class Owners {
  public:
   Owners(const synth::Scene& scene, const std::vector<RigidTransform>& cameras, double noise = 0.0) {
@@ -58,7 +58,7 @@ class Owners {
 
   std::size_t size() const { return maps.size(); }
 
-  /// Those that are asked about keyframe i.
+  /// Keyframes that keyframe i is compared with.
   std::vector<std::size_t> viewers(std::size_t i) const {
     std::vector<std::size_t> asked;
     for (std::size_t k = 0; k < size(); ++k) {
@@ -142,7 +142,7 @@ class Owners {
   /// ray, on their side of the surface.
   double uncovered() const;
 
-  /// Pairs of points of different keyframes nearer than half a spacing of the finer pixel, for each point.
+  /// Pairs of points of different keyframes closer than half the finer pixel spacing, per point.
   double near_pairs() const;
 
   FusionOptions fusion;
@@ -157,7 +157,7 @@ class Owners {
   double eligible = 0.0;
 };
 
-/// Finds points near a place.
+/// Finds points near a position.
 class Neighbourhood {
  public:
   Neighbourhood(const std::vector<Owners::Placed>& points, double cell) : points_(points), cell_(cell) {
@@ -256,7 +256,7 @@ std::vector<std::pair<std::int64_t, std::uint32_t>> keys(const Owners& duplicate
 
 }  // namespace
 
-TEST_CASE("a room gives each place once and none never", "[ownership]" PMSP_ACCURACY) {
+TEST_CASE("duplicate removal keeps each place of a room exactly once", "[ownership]" PMSP_ACCURACY) {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.5}, {0.03, 0.02, 0.35}, 8), 0.002);
   room.fusion.spacing_px = GENERATE(0.3, 0.75);
   room.make();
@@ -267,12 +267,12 @@ TEST_CASE("a room gives each place once and none never", "[ownership]" PMSP_ACCU
   CHECK(room.near_pairs() < 0.08);
 }
 
-TEST_CASE("a slanted floor is one surface, however flat the view", "[ownership]") {
+TEST_CASE("a slanted floor is one surface at any viewing angle", "[ownership]") {
   synth::Scene scene;
   const Vector3d up = Vector3d(0.25, -1.0, 0.2).normalized();
   scene.add(synth::Plane{{0.0, 0.6, 0.0}, up}, synth::textured(1));
   Owners floor(scene, along({0.0, 0.0, 0.0}, {0.0, 0.0, 0.25}, 8));
-  for (DepthMap& map : floor.maps) {  // to the horizon it goes on for ever
+  for (DepthMap& map : floor.maps) {  // it extends to the horizon
     for (std::size_t i = 0; i < map.depth.size(); ++i) {
       if (map.depth.pixels()[i] > 6.0F) map.depth.pixels()[i] = map.confidence.pixels()[i] = 0.0F;
     }
@@ -304,7 +304,7 @@ TEST_CASE("a thin wall keeps the points of both its sides", "[ownership]") {
   CHECK(wall.uncovered() < 0.001);
 }
 
-TEST_CASE("what stands before a wall takes no points of the wall, though it faces the same way", "[ownership]") {
+TEST_CASE("an object parallel to a wall behind it removes no points of the wall", "[ownership]") {
   synth::Scene scene = box({3.0, 1.5, 4.0});
   scene.add(synth::Box{{0.0, 0.0, 1.5}, {0.5, 0.5, 0.02}, Eigen::Matrix3d::Identity()}, synth::textured(2));
   // Each of them sees some of the wall that the board hides from the other, which samples the board more finely.
@@ -314,7 +314,7 @@ TEST_CASE("what stands before a wall takes no points of the wall, though it face
   CHECK(duplicate_views.uncovered() < 0.001);
 }
 
-TEST_CASE("a point lies on a surface as either of the two normals tells", "[ownership]") {
+TEST_CASE("a point lies on a surface by either of the two normals", "[ownership]") {
   namespace k = kernels;
   using V = k::Vec3<float>;
   k::DuplicateView other{};
@@ -339,7 +339,7 @@ TEST_CASE("a point lies on a surface as either of the two normals tells", "[owne
   CHECK_FALSE(stands(level, level, {0.0F, 0.0F, 0.1F}));
 }
 
-TEST_CASE("what is seen from four times as near replaces the coarser points", "[ownership]") {
+TEST_CASE("points seen at a quarter of the distance replace the coarser ones", "[ownership]") {
   const bool near_first = GENERATE(true, false);
   std::vector<RigidTransform> poses = {at({0.0, 0.0, 3.0}), at({0.3, 0.0, 3.1}), at({0.0, 0.0, 0.0}),
                                        at({0.3, 0.1, 0.1})};
@@ -367,11 +367,11 @@ TEST_CASE("sixty keyframes that hover give about as many points as a few", "[own
         2.0 * k));
   }
   Owners hover(box({2.0, 1.5, 3.0}), poses);
-  hover.reach = 12;  // 24 are asked
+  hover.reach = 12;  // compared with 24
   hover.make();
   CAPTURE(hover.eligible, hover.points(), hover.uncovered(), hover.near_pairs());
   CHECK(hover.uncovered() < 0.002);
-  CHECK(hover.near_pairs() < 0.8);  // of those that did not ask each other
+  CHECK(hover.near_pairs() < 0.8);  // of keyframes not compared with each other
   CHECK(hover.points() < 0.25 * hover.eligible);
   CHECK(hover.points() > static_cast<double>(hover.maps[0].depth.size()));
 }
@@ -431,7 +431,7 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
   CHECK(differ.empty());
 }
 
-TEST_CASE("of two that show a place alike the earlier one makes its points", "[ownership]") {
+TEST_CASE("of two equal views of a place the earlier keyframe keeps its points", "[ownership]") {
   Owners twins(box({2.0, 1.5, 3.0}), {at({0.1, 0.0, -0.6}), at({0.1, 0.0, -0.6})});
   twins.maps[1].confidence = twins.maps[0].confidence;
   twins.make();
@@ -439,7 +439,7 @@ TEST_CASE("of two that show a place alike the earlier one makes its points", "[o
   CHECK(twins.clouds[1].points.empty());
 }
 
-TEST_CASE("without any one keyframe no place is lost that others see", "[ownership]" PMSP_ACCURACY) {
+TEST_CASE("leaving out any keyframe loses no place that others see", "[ownership]" PMSP_ACCURACY) {
   const std::vector<RigidTransform> poses = along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 6);
   for (std::size_t gone = 0; gone < poses.size(); ++gone) {
     std::vector<RigidTransform> rest = poses;
@@ -452,11 +452,11 @@ TEST_CASE("without any one keyframe no place is lost that others see", "[ownersh
   }
 }
 
-TEST_CASE("a dropped pixel has an owner that was asked", "[ownership]") {
+TEST_CASE("a duplicate has a kept point in a keyframe it was compared with", "[ownership]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.5}, {0.03, 0.02, 0.35}, 8), 0.002);
   room.rounds = 1;
   room.make();
-  // The first round knows no owners: it drops nothing.
+  // The first round has no kept points yet: it drops nothing.
   for (const SurfelMap& map : room.surfels) {
     CHECK(Owners::count(map.statuses, [](int status) { return status == 3; }) == 0);
   }
@@ -466,11 +466,11 @@ TEST_CASE("a dropped pixel has an owner that was asked", "[ownership]") {
   for (const SurfelMap& map : room.surfels) {
     open += Owners::count(map.statuses, [](int status) { return status == 1; });
   }
-  CHECK(open == 0);  // no two wait for each other
+  CHECK(open == 0);  // no two depend on each other
   CHECK(room.uncovered() < 0.001);
 }
 
-TEST_CASE("poses that move together leave the same points", "[ownership]") {
+TEST_CASE("a rigid motion of all poses keeps the same points", "[ownership]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 5), 0.002);
   room.make();
   const double before = room.points();
@@ -483,7 +483,7 @@ TEST_CASE("poses that move together leave the same points", "[ownership]") {
   CHECK(room.uncovered() < 0.001);
 }
 
-TEST_CASE("a place that a corrected pose brings together is thinned, one that it parts is not", "[ownership]") {
+TEST_CASE("duplicates aligned by a pose correction are removed and separated ones are kept", "[ownership]") {
   // Two passes of one place. The second drifted away; the loop closure moves it back.
   const synth::Scene scene = box({2.0, 1.5, 3.0});
   std::vector<RigidTransform> poses = along({0.1, 0.0, -0.6}, {0.0, 0.0, 0.4}, 3);
@@ -499,7 +499,7 @@ TEST_CASE("a place that a corrected pose brings together is thinned, one that it
   CHECK(closed.uncovered() < 0.001);
 }
 
-TEST_CASE("a keyframe of another scale takes part as if it had that of the others", "[ownership]") {
+TEST_CASE("a keyframe of another scale gives the same duplicates", "[ownership]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 5), 0.002);
   room.make();
   const auto before = keys(room);
@@ -513,12 +513,12 @@ TEST_CASE("a keyframe of another scale takes part as if it had that of the other
     const float depth = room.maps[2].depth.pixels()[keyed.pixels[i]];
     CHECK(keyed.points[i].position.norm() == Approx(depth).epsilon(0.02));
   }
-  room.poses[2].scale = 1.0;  // and where the scale is not told, it is out of place
+  room.poses[2].scale = 1.0;  // and without its scale it is at the wrong place
   room.make();
   CHECK(keys(room) != before);
 }
 
-TEST_CASE("points tell their pixel and who agrees", "[ownership]") {
+TEST_CASE("points contain their pixel and the agreeing keyframes", "[ownership]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 5));
   for (float& depth : room.maps[1].depth.pixels()) depth *= 1.5F;  // another surface
   room.make();
@@ -535,7 +535,7 @@ TEST_CASE("points tell their pixel and who agrees", "[ownership]") {
   CHECK(static_cast<double>(only_the_other) > 0.95 * static_cast<double>(keyed.pixels.size()));
 }
 
-TEST_CASE("ownership gives the same points for any number of threads", "[ownership]") {
+TEST_CASE("duplicate removal gives the same points for any number of threads", "[ownership]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 4), 0.002);
   room.make(1);
   const auto one = keys(room);
@@ -543,7 +543,7 @@ TEST_CASE("ownership gives the same points for any number of threads", "[ownersh
   CHECK(keys(room) == one);
 }
 
-TEST_CASE("points that others have looked through make no point and stand for none", "[ownership]") {
+TEST_CASE("points that others see through are neither kept nor duplicates of others", "[ownership]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 5));
   for (int x = 0; x < 20; ++x) {  // a floater in the first map
     for (int y = 30; y < 50; ++y) room.maps[0].depth(x, y) *= 0.6F;
@@ -558,7 +558,7 @@ TEST_CASE("points that others have looked through make no point and stand for no
   CHECK((room.surfels[0].statuses(10, 40) & 3) == 2);
 }
 
-TEST_CASE("points below the wanted confidence make no point and stand for none", "[ownership]") {
+TEST_CASE("points below the minimum confidence are neither kept nor duplicates of others", "[ownership]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 2));
   for (float& confidence : room.maps[0].confidence.pixels()) confidence = 0.2F;
   room.fusion.min_confidence = 0.5;
@@ -567,7 +567,7 @@ TEST_CASE("points below the wanted confidence make no point and stand for none",
   CHECK(static_cast<double>(room.clouds[1].points.size()) > 0.95 * static_cast<double>(room.maps[1].depth.size()));
 }
 
-TEST_CASE("ownership refuses what does not fit", "[ownership]") {
+TEST_CASE("duplicate removal refuses inconsistent input", "[ownership]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 2));
   room.make();
   const Executor executor(1);

@@ -27,7 +27,7 @@ std::vector<RangeMap> range_maps_of(const std::vector<DepthMap>& maps) {
   return range_maps;
 }
 
-/// All but one.
+/// All except one.
 std::vector<PosedRangeMap> others_of(const std::vector<RangeMap>& range_maps, std::size_t except) {
   std::vector<PosedRangeMap> others;
   for (std::size_t k = 0; k < range_maps.size(); ++k) {
@@ -95,7 +95,7 @@ TEST_CASE("a range map holds the nearest and farthest depth of each cell", "[fre
   CHECK(ranges.farthest(1, 0) == 0.0F);
 }
 
-TEST_CASE("points on the true surface stay, whoever looks", "[free space]") {
+TEST_CASE("points on the true surface stay for any set of viewers", "[free space]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<RangeMap> range_maps = range_maps_of(maps);
   for (std::size_t k = 0; k < maps.size(); ++k) {
@@ -107,12 +107,12 @@ TEST_CASE("points on the true surface stay, whoever looks", "[free space]") {
   CHECK(kept(furnished[2], others_of(furnished_ranges, 2)) > 0.99);
 }
 
-TEST_CASE("points in the air go, points behind walls say nothing", "[free space]") {
+TEST_CASE("floating points are removed and points behind walls have no effect", "[free space]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<RangeMap> range_maps = range_maps_of(maps);
   CHECK(kept(maps[2], others_of(range_maps, 2), 0.8F) < 0.01);
   CHECK(kept(maps[2], others_of(range_maps, 2), 1.2F) > 0.99);
-  CHECK(kept(maps[2], others_of(range_maps, 2), 0.97F) > 0.95);  // nearer than the gap: no one says it is wrong
+  CHECK(kept(maps[2], others_of(range_maps, 2), 0.97F) > 0.95);  // within the gap: not contradicted
   CHECK(kept(maps[2], others_of(range_maps, 2), 0.92F) < 0.1);   // farther than the gap
   FreeSpaceOptions strict;
   strict.min_relative_gap = 0.01;
@@ -123,7 +123,7 @@ TEST_CASE("points in the air go, points behind walls say nothing", "[free space]
 TEST_CASE("one keyframe against many does not remove what they confirm", "[free space]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   std::vector<RangeMap> range_maps = range_maps_of(maps);
-  for (float& depth : range_maps[1].nearest.pixels()) depth *= 1.5F;  // this one has missed the walls
+  for (float& depth : range_maps[1].nearest.pixels()) depth *= 1.5F;  // this map misses the walls
   for (float& depth : range_maps[1].farthest.pixels()) depth *= 1.5F;
   CHECK(kept(maps[2], others_of(range_maps, 2)) > 0.9);
   const std::vector<PosedRangeMap> alone = {{&range_maps[1], {range_maps[1].cam_from_world}}};
@@ -137,9 +137,9 @@ TEST_CASE("one keyframe against many does not remove what they confirm", "[free 
   CHECK(kept(maps[2], alone, 1.0F, tolerant) > 0.999);
 }
 
-TEST_CASE("many far keyframes that miss a thing do not outvote the near one that sees it", "[free space]") {
+TEST_CASE("many far keyframes that miss a surface do not outvote a near one that sees it", "[free space]") {
   const DepthMap near = beside_at_depth(truth_maps(room())[2], 0.0, 1.0F);
-  const auto kept_against = [&](double away) {  // from so far beside, each of them has seen the wall behind
+  const auto kept_against = [&](double away) {  // from this far aside, each of them sees the wall behind
     const RangeMap ranges = range_map(beside_at_depth(near, away, 10.0F), Executor(2));
     return kept(near, std::vector<PosedRangeMap>(12, {&ranges, {ranges.cam_from_world}}));
   };
@@ -147,7 +147,7 @@ TEST_CASE("many far keyframes that miss a thing do not outvote the near one that
   CHECK(kept_against(0.1) == 0.0);
 }
 
-TEST_CASE("what a floor mirrors goes where others have the floor", "[free space]") {
+TEST_CASE("mirror images below a floor are removed where other views have the floor", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);
   const VersionInterval stay = staying(maps, 2, ghosts);
@@ -155,7 +155,7 @@ TEST_CASE("what a floor mirrors goes where others have the floor", "[free space]
   CHECK(stay.others > 0.999);
   FreeSpaceOptions off;
   off.mirrors = false;
-  CHECK(staying(maps, 2, ghosts, off).named > 0.9);  // nobody has looked through them
+  CHECK(staying(maps, 2, ghosts, off).named > 0.9);  // no view sees through them
   // Where a camera has been there is no mirror.
   std::vector<RangeMap> range_maps = range_maps_of(maps);
   RangeMap below = range_maps[1];
@@ -171,7 +171,7 @@ TEST_CASE("what a floor mirrors goes where others have the floor", "[free space]
   CHECK(staying(maps, 2, ghosts).named < 0.05);
 }
 
-TEST_CASE("mirrors are found in any unit", "[free space]") {
+TEST_CASE("mirror images are found in any map units", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);
   const std::vector<RangeMap> range_maps = range_maps_of(maps);
@@ -190,7 +190,7 @@ TEST_CASE("mirrors are found in any unit", "[free space]") {
   CHECK(extract_points({&points, &points.statuses, pose}).points.size() == plain.points.size());
 }
 
-TEST_CASE("a view through an opening stays, though what is there is like the room", "[free space]") {
+TEST_CASE("points behind an opening stay though they resemble the room", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
   std::vector<std::size_t> seen;
   for (std::size_t k = 0; k < maps.size(); ++k) {
@@ -202,10 +202,10 @@ TEST_CASE("a view through an opening stays, though what is there is like the roo
   CHECK(stay.others > 0.98);
 }
 
-TEST_CASE("what as many keyframes deny as confirm is no mirror image", "[free space]") {
+TEST_CASE("points that as many keyframes confirm as contradict are no mirror images", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);
-  for (const std::size_t k : {1U, 3U}) {  // have looked through walls and ceiling, but have the floor
+  for (const std::size_t k : {1U, 3U}) {  // see through walls and ceiling, but have the floor
     for (std::size_t i = 0; i < maps[k].depth.size(); ++i) {
       const Eigen::Vector3f up = maps[k].cam_from_world.rotation.cast<float>() * -Eigen::Vector3f::UnitY();
       if (maps[k].normal.pixels()[i].dot(up) < 0.9F) maps[k].depth.pixels()[i] *= 1.5F;
@@ -214,7 +214,7 @@ TEST_CASE("what as many keyframes deny as confirm is no mirror image", "[free sp
   CHECK(staying(maps, 2, ghosts).named > 0.9);
 }
 
-TEST_CASE("one witness alone makes no mirror image, two do", "[free space]") {
+TEST_CASE("a mirror image needs two witnesses", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room().scene, 0.3, 2.5);
   for (const std::size_t k : {0U, 4U}) std::fill(maps[k].depth.pixels().begin(), maps[k].depth.pixels().end(), 0.0F);
@@ -223,7 +223,7 @@ TEST_CASE("one witness alone makes no mirror image, two do", "[free space]") {
   CHECK(staying(maps, 2, ghosts).named > 0.9);
 }
 
-TEST_CASE("what is no mirror image stays behind what others have", "[free space]") {
+TEST_CASE("points below a floor that are no mirror images stay", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<std::size_t> deep = look_through_floor(maps[2], room().scene, 0.3, 2.5, 1.3);
   const VersionInterval stay = staying(maps, 2, deep);
@@ -231,7 +231,7 @@ TEST_CASE("what is no mirror image stays behind what others have", "[free space]
   CHECK(stay.others > 0.999);
 }
 
-TEST_CASE("floaters in front of walls cost no wall", "[free space]") {
+TEST_CASE("floaters in front of walls remove no wall points", "[free space]") {
   std::vector<DepthMap> maps = truth_maps(room());
   for (const std::size_t k : {0U, 1U, 3U}) {
     for (int y = 10; y < 70; ++y) {
@@ -241,7 +241,7 @@ TEST_CASE("floaters in front of walls cost no wall", "[free space]") {
   CHECK(staying(maps, 2, {0}).others > 0.999);
 }
 
-TEST_CASE("contradiction lowers the confidence of what stays", "[free space]") {
+TEST_CASE("contradiction lowers the confidence of kept points", "[free space]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   std::vector<RangeMap> range_maps = range_maps_of(maps);
   const KeyframeCloud confirmed = judged(maps[2], others_of(range_maps, 2));
@@ -254,7 +254,7 @@ TEST_CASE("contradiction lowers the confidence of what stays", "[free space]") {
   CHECK(static_cast<double>(lowered) > 0.9 * static_cast<double>(doubted.points.size()));
 }
 
-TEST_CASE("a free-space filter that is switched off changes nothing, bad options are refused", "[free space]") {
+TEST_CASE("a disabled free-space filter changes nothing and invalid options are refused", "[free space]") {
   const std::vector<DepthMap> maps = truth_maps(room());
   const std::vector<RangeMap> range_maps = range_maps_of(maps);
   FreeSpaceOptions options;

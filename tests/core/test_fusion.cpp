@@ -99,7 +99,7 @@ TEST_CASE("fused points lie on the true surfaces, with true normals", "[fusion]"
   CHECK(turned < count(clouds) / 25);
 }
 
-TEST_CASE("a map alone gives a point for each depth, unchanged", "[fusion]") {
+TEST_CASE("a single depth map gives one unchanged point per depth", "[fusion]") {
   Fusion fusion(sphere(), 0.7F);
   fusion.maps.resize(1);
   fusion.maps[0].depth(3, 3) = 0.0F;
@@ -109,7 +109,7 @@ TEST_CASE("a map alone gives a point for each depth, unchanged", "[fusion]") {
   const CloudPoint& point = cloud.points[at];
   const Vector3d expected =
       static_cast<double>(fusion.maps[0].depth(33, 20)) * bearing_of(fusion.maps[0].depth, 33, 20);
-  CHECK((point.position.cast<double>() - expected).norm() < 1.4e-4 * expected.norm());  // as it is kept
+  CHECK((point.position.cast<double>() - expected).norm() < 1.4e-4 * expected.norm());  // as stored
   CHECK(point.normal.dot(fusion.maps[0].normal(33, 20)) > 0.9998F);
   CHECK(point.color == fusion.colors[0](33, 20));
   CHECK(point.views == 1);
@@ -133,7 +133,7 @@ TEST_CASE("a fused position is nearer to the truth than its inputs", "[fusion]")
   CHECK(rms < 0.65 * kNoise);  // five independent ones: 0.45 at best
 }
 
-TEST_CASE("views counts the maps that agree", "[fusion]") {
+TEST_CASE("views counts the agreeing depth maps", "[fusion]") {
   Fusion fusion(sphere());
   for (float& depth : fusion.maps[2].depth.pixels()) depth *= 1.5F;  // another surface
   const KeyframeCloud cloud = fusion.fuse_one(0);
@@ -146,7 +146,7 @@ TEST_CASE("views counts the maps that agree", "[fusion]") {
   CHECK(static_cast<double>(three) > 0.99 * static_cast<double>(all.points.size()));
 }
 
-TEST_CASE("surfaces that face another way by more than 60 degrees are not averaged", "[fusion]") {
+TEST_CASE("surfaces whose normals differ by more than 60 degrees are not averaged", "[fusion]") {
   /// Share of the points of the first keyframe that so many maps agree on, where the others' surfaces are turned
   /// through the same points.
   const auto share = [](double turned_deg, int views) {
@@ -170,7 +170,7 @@ TEST_CASE("surfaces that face another way by more than 60 degrees are not averag
   CHECK(share(45.0, 3) > 0.9);
 }
 
-TEST_CASE("a fused normal lies between those that agree", "[fusion]") {
+TEST_CASE("a fused normal lies between the agreeing normals", "[fusion]") {
   Fusion fusion(sphere());
   fusion.maps.resize(2);
   for (Eigen::Vector3f& normal : fusion.maps[1].normal.pixels()) {  // turned by 20 degrees
@@ -213,7 +213,7 @@ TEST_CASE("colours are averaged with the inverse square of the expected errors",
   CHECK(wrong == 0);
 }
 
-TEST_CASE("maps of hardly any confidence still give finite points", "[fusion]") {
+TEST_CASE("depth maps of very low confidence give finite points", "[fusion]") {
   FusionOptions options;
   options.min_confidence = 0.0;
   const KeyframeCloud cloud = Fusion(sphere(), 1e-9F).fuse_one(0, options);
@@ -221,7 +221,7 @@ TEST_CASE("maps of hardly any confidence still give finite points", "[fusion]") 
   for (const CloudPoint& point : cloud.points) REQUIRE(error_of(sphere().scene, cloud, point) < 0.003);
 }
 
-TEST_CASE("points below the wanted confidence are not written", "[fusion]") {
+TEST_CASE("points below the minimum confidence are not written", "[fusion]") {
   FusionOptions options;
   options.min_confidence = 0.5;
   Fusion fusion(sphere(), 0.49F);
@@ -252,7 +252,7 @@ std::vector<std::size_t> suppressed(double error, std::size_t special, double it
 
 }  // namespace
 
-TEST_CASE("a pixel gives way to a clearly more exact one within its expected error", "[fusion]") {
+TEST_CASE("a pixel is dropped for a clearly more accurate one within its expected error", "[fusion]") {
   constexpr std::size_t kMiddle = kWidth * (kWidth / 4) + kWidth / 2;
   const double pixel = 2.0 * kernels::kPi / kWidth;
   FusionOptions options;
@@ -266,16 +266,16 @@ TEST_CASE("a pixel gives way to a clearly more exact one within its expected err
     options.suppression = 2.0;
     CHECK(suppressed(0.01, kMiddle, 0.9 * pixel, options) == Pixels{kMiddle});
   }
-  SECTION("not to one that is little more exact") {
+  SECTION("not for one that is slightly more accurate") {
     CHECK(suppressed(0.8 * 1.5 * pixel, kMiddle, 1.5 * pixel, options) == Pixels{});
     CHECK(suppressed(0.6 * 1.5 * pixel, kMiddle, 1.5 * pixel, options) == Pixels{kMiddle});
   }
-  SECTION("not where its depth tells of another surface") {
+  SECTION("not where its depth is on another surface") {
     CHECK(suppressed(0.01, kMiddle, 1.5 * pixel, options, 1.1F) == Pixels{});
     CHECK(suppressed(0.01, kMiddle, 1.5 * pixel, options, 0.9F) == Pixels{});
     CHECK(suppressed(0.01, kMiddle, 1.5 * pixel, options, 1.05F) == Pixels{kMiddle});
   }
-  SECTION("nor to one that is farther away") {
+  SECTION("not for one that is farther away") {
     const std::size_t count = suppressed(1.5 * pixel, kMiddle, 0.01, options).size();
     CHECK(count == 8);
     CHECK(suppressed(2.5 * pixel, kMiddle, 0.01, options).size() == 16);
@@ -288,7 +288,7 @@ TEST_CASE("a pixel gives way to a clearly more exact one within its expected err
   }
 }
 
-TEST_CASE("where columns crowd, what is within the expected error spans more of them", "[fusion]") {
+TEST_CASE("near the poles the expected error spans more columns", "[fusion]") {
   constexpr std::size_t kRow = 6;  // cosine of the latitude: 0.25
   const double pixel = 2.0 * kernels::kPi / kWidth;
   FusionOptions options;
@@ -314,7 +314,7 @@ TEST_CASE("fusion gives the same points for any number of threads", "[fusion]") 
   }
 }
 
-TEST_CASE("fusion refuses bad options and a keyframe that is not there", "[fusion]") {
+TEST_CASE("fusion refuses invalid options and an unknown keyframe", "[fusion]") {
   Fusion fusion(sphere());
   CHECK_THROWS_AS(fusion.fuse_one(3), InvalidInput);
   FusionOptions options;
@@ -322,7 +322,7 @@ TEST_CASE("fusion refuses bad options and a keyframe that is not there", "[fusio
   CHECK_THROWS_AS(fusion.fuse_one(0, options), InvalidOption);
 }
 
-TEST_CASE("fusion refuses what differs in size or is missing", "[fusion]") {
+TEST_CASE("fusion refuses missing depth maps and different sizes", "[fusion]") {
   Fusion fusion(sphere());
   CHECK_NOTHROW(fusion.fuse_one(0));
   fusion.colors[2] = Image<Rgb>(kWidth, kWidth / 2 - 2);
@@ -330,7 +330,7 @@ TEST_CASE("fusion refuses what differs in size or is missing", "[fusion]") {
   CHECK_THROWS_AS(fuse_pixels({{&fusion.maps[0], nullptr, {}}}, 0, {}, Executor(1)), InvalidInput);
 }
 
-TEST_CASE("points go into the world by the pose that is given", "[fusion]") {
+TEST_CASE("points are transformed to the world by the given pose", "[fusion]") {
   KeyframeCloud cloud;
   CloudPoint point;
   point.position = {1.0F, 2.0F, 3.0F};

@@ -20,7 +20,7 @@ using Ids = std::vector<std::int64_t>;
 
 SmallMission flight(Quality quality = Quality::kOnline) { return {"", small_preset(quality), small_flight(16)}; }
 
-/// The statistics that are no times.
+/// All statistics except times.
 std::vector<std::int64_t> counts(const DensifierStats& stats) {
   return {stats.keyframes_added,
           stats.keyframes_accepted,
@@ -93,14 +93,14 @@ std::size_t middle(const Plan& plan) {
 
 }  // namespace
 
-TEST_CASE("a whole mission by its given plan is the mission, and so are its statistics", "[densifier][plan]") {
+TEST_CASE("a mission with its own plan given has the same results and statistics", "[densifier][plan]") {
   for (const SmallMission& mission : small_missions()) {
     INFO(mission.name);
     check_whole(mission);
   }
 }
 
-TEST_CASE("the plan of paper runs as a whole, its parts are refused", "[densifier][plan]") {
+TEST_CASE("a plan of the paper preset runs as a whole and its parts are refused", "[densifier][plan]") {
   SmallMission mission = flight();
   const DensifierOptions small = mission.options;
   mission.options = preset(Quality::kPaper);
@@ -112,7 +112,7 @@ TEST_CASE("the plan of paper runs as a whole, its parts are refused", "[densifie
   CHECK_THROWS_AS(PlannedDensifier(mission.options, plan, {mission.keyframes[3].id}, {}), InvalidOption);
 }
 
-TEST_CASE("a plan that does not fit is refused by keyframe and list", "[densifier][plan]") {
+TEST_CASE("an inconsistent plan is refused by keyframe and list", "[densifier][plan]") {
   SmallMission mission = flight(Quality::kNormal);
   const Plan plan = plan_of(mission);
   const std::size_t at = middle(plan);
@@ -134,7 +134,7 @@ TEST_CASE("a plan that does not fit is refused by keyframe and list", "[densifie
   CHECK_THROWS_AS(PlannedDensifier(bad, plan, ids, {}), InvalidOption);
 }
 
-TEST_CASE("a plan made with other options is refused where that shows", "[densifier][plan]") {
+TEST_CASE("a plan made with other options is refused where it is detectable", "[densifier][plan]") {
   const SmallMission mission = flight(Quality::kNormal);
   const Plan plan = plan_of(mission);
   const Ids ids = ids_of(mission.keyframes);
@@ -162,7 +162,7 @@ TEST_CASE("a plan made with other options is refused where that shows", "[densif
   CHECK_NOTHROW(PlannedDensifier(fits, plan, ids, {}));
 }
 
-TEST_CASE("of the keyframes of a mission a piece takes those it needs", "[densifier][plan]") {
+TEST_CASE("a part of a mission uses only the keyframes it needs", "[densifier][plan]") {
   const SmallMission mission = flight();
   const Plan plan = plan_of(mission);
   const Ids ids = {plan.entries[2].id};
@@ -189,7 +189,7 @@ TEST_CASE("of the keyframes of a mission a piece takes those it needs", "[densif
   CHECK(recording.order.size() == 3);
 }
 
-TEST_CASE("what does not come, or not in the plan's order, is named", "[densifier][plan]") {
+TEST_CASE("keyframes missing or out of the plan's order are named", "[densifier][plan]") {
   const SmallMission mission = flight();
   const Plan plan = plan_of(mission);
   const Ids images = halo(plan, {plan.entries[2].id}, mission.options).images;
@@ -213,7 +213,7 @@ TEST_CASE("what does not come, or not in the plan's order, is named", "[densifie
   CHECK(recording.clouds.size() == 1);
 }
 
-TEST_CASE("no keyframes asked for, no work", "[densifier][plan]") {
+TEST_CASE("no requested keyframes give no work", "[densifier][plan]") {
   const SmallMission mission = flight();
   Recording recording;
   PlannedDensifier densifier(mission.options, plan_of(mission), {}, recording.callbacks());
@@ -225,7 +225,7 @@ TEST_CASE("no keyframes asked for, no work", "[densifier][plan]") {
   CHECK_THROWS_AS(empty.add(mission.keyframes[0]), InvalidInput);
 }
 
-TEST_CASE("a piece that is cancelled asks for nothing more", "[densifier][plan]") {
+TEST_CASE("a cancelled part requests no more keyframes", "[densifier][plan]") {
   const SmallMission mission = flight();
   Recording recording;
   PlannedDensifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());

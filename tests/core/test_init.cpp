@@ -62,7 +62,7 @@ int count_planes(const PlaneImage& planes) {
 
 }  // namespace
 
-TEST_CASE("the depth range leaves out the outer two percent and is widened", "[init]") {
+TEST_CASE("the depth range excludes the outer two percent and is widened", "[init]") {
   std::vector<Vector3d> points;
   for (int range = 101; range >= 1; --range) points.push_back(range * toward(1.5 * range, 0.7 * range));
   InitOptions options;
@@ -79,7 +79,7 @@ TEST_CASE("the depth range leaves out the outer two percent and is widened", "[i
   CHECK(range.max == Approx(297.0));
 }
 
-TEST_CASE("landmarks at no usable depth are passed over, and the depth range ends where these do", "[init]") {
+TEST_CASE("landmarks at unusable depths are ignored and the depth range is limited to usable ones", "[init]") {
   const std::vector<Vector3d> stray = {1e-7 * toward(10, 10), 1e7 * toward(70, 31), Vector3d(0.0, 0.0, 0.0)};
   CHECK(depth_range(observing(stray), InitOptions{}).max == 0.0);
   CHECK(count_planes(landmark_planes(observing(stray), kWidth, kHeight, with_radius(6.0))) == 0);
@@ -88,7 +88,7 @@ TEST_CASE("landmarks at no usable depth are passed over, and the depth range end
   CHECK(range.max == kMaxDepth);
 }
 
-TEST_CASE("the depth range of few landmarks is theirs, of none is empty", "[init]") {
+TEST_CASE("the depth range of few landmarks spans them all and of none is empty", "[init]") {
   const DepthRange one = depth_range(observing({2.0 * toward(10, 10)}), InitOptions{});
   CHECK(one.min == Approx(2.0 / 3.0));
   CHECK(one.max == Approx(6.0));
@@ -97,7 +97,7 @@ TEST_CASE("the depth range of few landmarks is theirs, of none is empty", "[init
   CHECK(none.max == 0.0);
 }
 
-TEST_CASE("a landmark's plane holds the landmark and faces the camera", "[init]") {
+TEST_CASE("a landmark's plane contains the landmark and faces the camera", "[init]") {
   const Vector3d point = 2.5 * toward(70.2, 31.9);
   const PlaneImage planes = landmark_planes(observing({point}), kWidth, kHeight, with_radius(6.0));
   CHECK(planes.width() == kWidth);
@@ -131,7 +131,7 @@ TEST_CASE("a landmark at the seam spreads over it", "[init]") {
   CHECK(range_at(planes, 151, 40) == 0.0);
 }
 
-TEST_CASE("a landmark near a pole covers the columns that crowd there", "[init]") {
+TEST_CASE("a landmark near a pole covers more columns", "[init]") {
   for (const double y : {0.3, kHeight - 0.3}) {
     INFO(y);
     const PlaneImage planes = landmark_planes(observing({2.0 * toward(20.0, y)}), kWidth, kHeight, with_radius(6.0));
@@ -176,8 +176,7 @@ TEST_CASE("the nearest of many landmarks wins, anywhere on the sphere", "[init]"
   CHECK(wrong_winner == 0);
 }
 
-TEST_CASE("of two landmarks on one ray's neighbourhood the closer in the image wins, not the closer in depth",
-          "[init]") {
+TEST_CASE("of two landmarks around a pixel the closer in the image wins and not the closer in depth", "[init]") {
   const PlaneImage planes = landmark_planes(observing({1.0 * toward(80.5, 40.5), 9.0 * toward(84.5, 40.5)}), kWidth,
                                             kHeight, with_radius(6.0));
   CHECK(range_at(planes, 81, 40) == Approx(1.0).epsilon(0.05));

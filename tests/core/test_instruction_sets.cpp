@@ -29,12 +29,12 @@ synth::Mission masked_room(int width) {
   return mission;
 }
 
-/// What every stage leaves, as in the Densifier.
+/// Results of every stage, as in the Densifier.
 struct Results {
   std::vector<PlaneMap> maps;
   PlaneMap priors;
   Image<float> confidence;
-  std::vector<Image<std::uint8_t>> statuses;  ///< after fusion, free space and each round of ownership
+  std::vector<Image<std::uint8_t>> statuses;  ///< after fusion, free-space test and each round of duplicate removal
   KeyframeCloud cloud;
 };
 
@@ -160,7 +160,7 @@ TEST_CASE("AVX2 and AVX-512 give the bytes of scalar code with fused multiply-ad
   }
 }
 
-TEST_CASE("what the instruction sets are compared by is not empty", "[simd]") {
+TEST_CASE("the results compared across instruction sets are not empty", "[simd]") {
   const Results results = fused_scalar(masked_room(kWidth));
   for (const PlaneMap& map : results.maps) CHECK(filled(depth_map_of(map, nullptr, Executor(1)).depth) > 0.3);
   CHECK_FALSE(same(results.maps[3], results.maps[1]));

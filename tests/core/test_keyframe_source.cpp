@@ -20,7 +20,7 @@ namespace {
 
 using Ids = std::vector<std::int64_t>;
 
-/// Gives the keyframes of a mission by id. All lie in the same memory, so that an image is gone with the next one.
+/// Returns the keyframes of a mission by id. All share one buffer, so that an image is overwritten by the next one.
 class Source {
  public:
   explicit Source(const SmallMission& mission) : mission_(mission) {}
@@ -33,7 +33,7 @@ class Source {
     return keyframe;
   }
 
-  std::map<std::int64_t, int> asked;  ///< how often for whom
+  std::map<std::int64_t, int> asked;  ///< number of requests by keyframe id
 
  private:
   template <class T>
@@ -48,7 +48,7 @@ class Source {
   Image<std::uint8_t> mask_;
 };
 
-/// What comes of asking for the keyframes. Checks who was asked for.
+/// Results with requested keyframes. Checks which ones were requested.
 ResultsById run_by_asking(const SmallMission& mission, const Plan& plan, const Ids& ids, int& again) {
   Source source(mission);
   Recording recording;
@@ -65,11 +65,11 @@ ResultsById run_by_asking(const SmallMission& mission, const Plan& plan, const I
   return by_id(recording);
 }
 
-SmallMission flight(Quality quality) { return {"", small_preset(quality), small_flight(kSanitized ? 6 : 16)}; }
+SmallMission mission_of(Quality quality) { return {"", small_preset(quality), small_flight(kSanitized ? 6 : 16)}; }
 
 }  // namespace
 
-TEST_CASE("keyframes that are asked for give what those give that are handed over", "[densifier][source]") {
+TEST_CASE("requested keyframes give the same results as added ones", "[densifier][source]") {
   for (const SmallMission& mission : small_missions()) {
     if (kSanitized && !mission.options.unordered) continue;
     const Plan plan = plan_of(mission);
@@ -83,7 +83,7 @@ TEST_CASE("keyframes that are asked for give what those give that are handed ove
   }
 }
 
-TEST_CASE("what waits in a scratch folder comes back as it was", "[densifier][source]") {
+TEST_CASE("results spilled to a scratch directory are restored unchanged", "[densifier][source]") {
   const pmsp_test::TempDir dir;
   for (SmallMission& mission : small_missions()) {
     if (kSanitized && !mission.options.unordered) continue;
@@ -98,8 +98,8 @@ TEST_CASE("what waits in a scratch folder comes back as it was", "[densifier][so
   }
 }
 
-TEST_CASE("a given plan goes on by itself after keyframes were handed over", "[densifier][source]") {
-  const SmallMission mission = flight(Quality::kOnline);
+TEST_CASE("a given plan continues with requested keyframes after added ones", "[densifier][source]") {
+  const SmallMission mission = mission_of(Quality::kOnline);
   Source source(mission);
   Recording recording;
   PlannedDensifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
@@ -108,8 +108,8 @@ TEST_CASE("a given plan goes on by itself after keyframes were handed over", "[d
   CHECK(difference(by_id(recording), by_id(whole_run(mission))) == "");
 }
 
-TEST_CASE("keyframes that cannot be had end the run, by name", "[densifier][source]") {
-  const SmallMission mission = flight(Quality::kNormal);
+TEST_CASE("unavailable keyframes end the run by name", "[densifier][source]") {
+  const SmallMission mission = mission_of(Quality::kNormal);
   const Plan plan = plan_of(mission);
   Source source(mission);
   const auto run = [&](const KeyframeSource& keyframes) {
@@ -133,11 +133,11 @@ TEST_CASE("keyframes that cannot be had end the run, by name", "[densifier][sour
   CHECK_THROWS_WITH(densifier.run([&](std::int64_t id) { return source(id); }), Contains("given plan"));
   CHECK_FALSE(densifier.cancelled());
   PlannedDensifier given(mission.options, plan, ids_of(mission.keyframes), {});
-  CHECK_THROWS_WITH(given.run(nullptr), Contains("nobody"));
+  CHECK_THROWS_WITH(given.run(nullptr), Contains("source is empty"));
   CHECK_FALSE(given.cancelled());
 }
 
-TEST_CASE("an image that cannot be had a second time ends the run, and cancel does so without a word",
+TEST_CASE("an image unavailable at the second request ends the run and cancel ends it silently",
           "[densifier][source]") {
   for (const SmallMission& mission : small_missions()) {
     if (!mission.options.unordered) continue;
@@ -159,7 +159,7 @@ TEST_CASE("an image that cannot be had a second time ends the run, and cancel do
       } else {
         CHECK_THROWS_AS(run(), InvalidInput);
       }
-      CHECK(again == 9);  // nobody was asked after that
+      CHECK(again == 9);  // no further requests
       CHECK(densifier.cancelled());
       CHECK(recording.clouds.empty());
       CHECK_NOTHROW(densifier.run([&](std::int64_t id) { return source(id); }));
@@ -167,8 +167,8 @@ TEST_CASE("an image that cannot be had a second time ends the run, and cancel do
   }
 }
 
-TEST_CASE("a run counts what a flight counts, and a second one has nothing to do", "[densifier][source]") {
-  SmallMission mission = flight(kSanitized ? Quality::kOnline : Quality::kHigh);
+TEST_CASE("a run has the statistics of added keyframes and a second one has no work", "[densifier][source]") {
+  SmallMission mission = mission_of(kSanitized ? Quality::kOnline : Quality::kHigh);
   mission.options.width = 0;  // that of the images
   mission.options.height = 0;
   Recording pushed;

@@ -41,7 +41,7 @@ double error_of_points(const synth::Mission& mission, double lens_distance) {
 
 }  // namespace
 
-TEST_CASE("the distance of the lenses is found from the images", PMSP_ACCURACY) {
+TEST_CASE("the lens distance is estimated from the images", PMSP_ACCURACY) {
   const synth::Mission two = room(kDistance, 1280);
   const LensDistance found = estimated(two);
   CAPTURE(found.distance, found.standard_error, found.shift_px, found.landmarks);
@@ -56,14 +56,14 @@ TEST_CASE("the distance of the lenses is found from the images", PMSP_ACCURACY) 
   CHECK(behind.distance == Approx(-kDistance).epsilon(0.12));
 }
 
-TEST_CASE("a camera with one centre is left alone", PMSP_ACCURACY) {
+TEST_CASE("a single-centre camera has no lens distance", PMSP_ACCURACY) {
   const LensDistance found = estimated(room(0.0, 1280));
   CAPTURE(found.distance, found.standard_error, found.landmarks);
   CHECK_FALSE(found.significant);
   CHECK(std::abs(found.distance) < 0.1 * kDistance);
 }
 
-TEST_CASE("nothing to go by, no distance") {
+TEST_CASE("without evidence there is no lens distance") {
   CHECK_FALSE(LensDistanceEstimator().estimate(Executor(1)).significant);
   synth::Mission mission = room(kDistance, 64);
   mission.frames.resize(2);
@@ -72,13 +72,13 @@ TEST_CASE("nothing to go by, no distance") {
   CHECK(found.distance == 0.0);
 }
 
-TEST_CASE("what the mask hides tells nothing of the lenses") {
+TEST_CASE("masked pixels do not affect the lens distance") {
   const synth::Mission two = room(kDistance, 640);
   CHECK(estimated(two).landmarks > 20);
   Image<std::uint8_t> mask(640, 320, 255);
   for (int y = 0; y < mask.height(); ++y) {
     for (int x = 0; x < mask.width(); ++x) {
-      if (x < 160 || x >= 480) mask(x, y) = 0;  // all that the backward lens sees
+      if (x < 160 || x >= 480) mask(x, y) = 0;  // the whole hemisphere of the backward lens
     }
   }
   LensDistanceEstimator estimator;
@@ -90,7 +90,7 @@ TEST_CASE("what the mask hides tells nothing of the lenses") {
   CHECK(estimator.estimate(Executor(2)).landmarks == 0);
 }
 
-TEST_CASE("points lie on the surfaces where the distance of the lenses is told", PMSP_ACCURACY) {
+TEST_CASE("points lie on the surfaces when the lens distance is set", PMSP_ACCURACY) {
   const double one_centre = error_of_points(room(0.0, 640), 0.0);
   const synth::Mission two = room(kDistance, 640);
   const double ignored = error_of_points(two, 0.0);
@@ -100,7 +100,7 @@ TEST_CASE("points lie on the surfaces where the distance of the lenses is told",
   CHECK(corrected < 1.3 * one_centre);
 }
 
-TEST_CASE("stretches of a mission are enough to find the lenses") {
+TEST_CASE("subsequences of a mission suffice to estimate the lens distance") {
   std::vector<std::int64_t> ids(1000);
   std::iota(ids.begin(), ids.end(), 5);
   const std::vector<std::int64_t> chosen = keyframes_for_lens_distance(ids);

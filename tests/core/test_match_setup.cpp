@@ -43,7 +43,7 @@ TEST_CASE("no two passes draw the same random numbers", "[patchmatch]") {
   }
 }
 
-TEST_CASE("texture must be more than noise can be, and strong texture is never taken for noise", "[patchmatch]") {
+TEST_CASE("the texture threshold exceeds noise and strong texture is never taken for noise", "[patchmatch]") {
   CHECK(textured_variance(0.0F) == textured_variance(0.5F));
   CHECK(textured_variance(1.5F) > 2.0F * 1.5F);
   CHECK(textured_variance(3.0F) > textured_variance(1.5F));
@@ -55,7 +55,7 @@ TEST_CASE("texture must be more than noise can be, and strong texture is never t
   CHECK(patch_layout(options, 640, 2.0F).fine_variance < 0.0F);
 }
 
-TEST_CASE("no two proposals of a pixel draw the same random numbers", "[patchmatch]") {
+TEST_CASE("no two hypotheses of a pixel draw the same random numbers", "[patchmatch]") {
   kernels::Matching<kernels::CubeView> matching{};
   matching.limits = plane_limits({0.5, 50.0});
   matching.random = patchmatch_key(1, 7);

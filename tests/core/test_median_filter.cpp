@@ -64,13 +64,13 @@ TEST_CASE("the median filter drops single outliers anywhere on the sphere", "[me
       CHECK(map.depth(x, y) == 0.0F);
       CHECK(map.normal(x, y).norm() == 0.0F);
       CHECK(map.confidence(x, y) == 0.0F);
-      CHECK(map.depth((x + 1) % kWidth, y) > 0.0F);  // what lies beside stays
+      CHECK(map.depth((x + 1) % kWidth, y) > 0.0F);  // adjacent pixels stay
       CHECK(map.depth((x + kWidth - 1) % kWidth, y) > 0.0F);
     }
   }
 }
 
-TEST_CASE("the median filter looks over the seam and over the poles", "[median]") {
+TEST_CASE("the median filter wraps over the seam and over the poles", "[median]") {
   // The left half sees one wall, the right half another; a pixel that matches only what lies beyond the border stays.
   DepthMap map = truth_map(room().frames[0]);
   for (int y = 0; y < kHeight; ++y) {
@@ -89,7 +89,7 @@ TEST_CASE("the median filter looks over the seam and over the poles", "[median]"
   CHECK(map.depth(11, 0) == 0.0F);
 }
 
-TEST_CASE("the median filter drops low scores, if it is to", "[median]") {
+TEST_CASE("the median filter drops low scores if enabled", "[median]") {
   DepthMap map = truth_map(room().frames[0], 0.5F);
   map.confidence(30, 30) = 0.09F;
   map.confidence(31, 30) = 0.11F;
@@ -104,7 +104,7 @@ TEST_CASE("the median filter drops low scores, if it is to", "[median]") {
   CHECK(map.confidence(31, 30) == 0.11F);
 }
 
-TEST_CASE("the median filter doesn't take holes for depths and fills none", "[median]") {
+TEST_CASE("the median filter ignores holes and fills none", "[median]") {
   DepthMap map = truth_map(room().frames[0]);
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
@@ -117,7 +117,7 @@ TEST_CASE("the median filter doesn't take holes for depths and fills none", "[me
   CHECK(map.depth(41, 40) == 0.0F);
 }
 
-TEST_CASE("the median filter's tolerance is the option's", "[median]") {
+TEST_CASE("the median filter uses the tolerance of the options", "[median]") {
   DepthMap base = truth_map(room().frames[0]);
   base.depth = Image<float>(kWidth, kHeight, 2.0F);
   base.depth(60, 40) = 2.0F * 1.08F;
@@ -130,7 +130,7 @@ TEST_CASE("the median filter's tolerance is the option's", "[median]") {
   }
 }
 
-TEST_CASE("a median filter that is switched off changes nothing, bad options are refused", "[median]") {
+TEST_CASE("a disabled median filter changes nothing and invalid options are refused", "[median]") {
   DepthMap map = truth_map(room().frames[0], 0.01F);
   const DepthMap before = map;
   MedianFilterOptions options = median_on();

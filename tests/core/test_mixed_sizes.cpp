@@ -10,7 +10,7 @@ using namespace pmsp::test;
 
 namespace {
 
-/// White but for the columns of a share of the width.
+/// White except for the columns of a share of the width.
 Image<std::uint8_t> mask_of(const synth::Frame& frame, double from, double to) {
   const int width = frame.image.width();
   Image<std::uint8_t> mask(width, frame.image.height(), 255);
@@ -25,7 +25,7 @@ Image<std::uint8_t> mask_of(const synth::Frame& frame, double from, double to) {
 
 }  // namespace
 
-TEST_CASE("Images of two sizes, each with a mask of its own, make one cloud", "[densifier]") {
+TEST_CASE("Images of two sizes with separate masks make one cloud", "[densifier]") {
   const synth::Mission& small = test_flight();
   const synth::Mission large = synth::empty_room(small_recipe(2 * kFlightWidth, 7));
   REQUIRE(small.frames.size() == large.frames.size());
@@ -64,9 +64,9 @@ TEST_CASE("Images of two sizes, each with a mask of its own, make one cloud", "[
     CHECK(masked == 0);
     CHECK(beside > kFlightWidth / 8 * kFlightHeight / 2);
   }
-  // As many points as of one size, and as right.
+  // As many and as accurate points as with one size.
   CHECK(static_cast<double>(mixed.points()) > 0.9 * static_cast<double>(of_one.points()));
-  if (kSanitized) return;  // of a tiny flight a few hundred points, too few to say how many are right
+  if (kSanitized) return;  // a tiny mission has a few hundred points, too few to measure accuracy
   CHECK(points_on_surface(small.scene, mixed.clouds, 0.05) >
         points_on_surface(small.scene, of_one.clouds, 0.05) - 0.02);
 }

@@ -18,7 +18,7 @@ using namespace pmsp;
 
 namespace {
 
-/// What is said of a value given as text; empty when all are content.
+/// Error for a value given as text; empty if valid.
 std::string complaint(const OptionEntry& entry, const std::string& text) {
   DensifierOptions options;
   try {
@@ -30,7 +30,7 @@ std::string complaint(const OptionEntry& entry, const std::string& text) {
   return "";
 }
 
-/// What `check` says of a number in the field, however it came there.
+/// Error of `check` for a number stored directly in the field.
 std::string complaint_of_check(const OptionEntry& entry, double value) {
   DensifierOptions options;
   if (const auto* number = std::get_if<double& (*)(DensifierOptions&)>(&entry.access)) (*number)(options) = value;
@@ -57,7 +57,7 @@ std::string number(double value) {
   return text.str();
 }
 
-/// A field of options.h: its key, and what its comment says.
+/// A field of options.h: its key and its comment.
 struct Documented {
   std::string key, comment;
 };
@@ -105,12 +105,12 @@ std::vector<Documented> documented() {
 
 }  // namespace
 
-TEST_CASE("every field of the options is in the table, and its comment says the table's range", "[options]") {
+TEST_CASE("every field of the options is in the table and its comment states the table's range", "[options]") {
   std::set<std::string> keys;
   for (const Documented& field : documented()) {
     const std::string key = field.key == "devices" ? "device" : field.key;
     INFO(key << ":" << field.comment);
-    if (key == "expected_keyframes") continue;  // told by who knows the mission, not chosen
+    if (key == "expected_keyframes") continue;  // an input of the caller, not a choice
     keys.insert(key);
     const OptionEntry* entry = find_option(key);
     REQUIRE(entry != nullptr);
@@ -130,7 +130,7 @@ TEST_CASE("every field of the options is in the table, and its comment says the 
   }
 }
 
-TEST_CASE("each option's bounds are valid and what lies beyond is refused by name", "[options]") {
+TEST_CASE("each option's bounds are valid and values beyond are refused by name", "[options]") {
   for (const OptionEntry& entry : option_table()) {
     if (!is_number(entry)) continue;
     INFO(entry.key);
@@ -158,7 +158,7 @@ TEST_CASE("each option's bounds are valid and what lies beyond is refused by nam
   }
 }
 
-TEST_CASE("all options are checked, wherever they stand", "[options]") {
+TEST_CASE("all options are checked at any nesting", "[options]") {
   for (const OptionEntry& entry : option_table()) {
     if (!is_number(entry)) continue;
     INFO(entry.key);
@@ -179,7 +179,7 @@ TEST_CASE("all options are checked, wherever they stand", "[options]") {
   CHECK_THROWS_WITH(options.validate(), Catch::Contains("device is 256"));
 }
 
-TEST_CASE("what an option says of itself can be set again", "[options]") {
+TEST_CASE("an option's printed value can be parsed", "[options]") {
   for (const Quality quality : {Quality::kPaper, Quality::kOnline, Quality::kNormal, Quality::kHigh}) {
     const DensifierOptions from = preset(quality);
     DensifierOptions to;
@@ -211,7 +211,7 @@ TEST_CASE("sizes are even, or 0 for automatic", "[options]") {
   CHECK_NOTHROW(options.validate());
 }
 
-TEST_CASE("windows are odd: as many keyframes before as after", "[options]") {
+TEST_CASE("windows are odd and symmetric around the keyframe", "[options]") {
   for (const int window : {4, 14}) {
     DensifierOptions options;
     options.advanced.consistency.window = window;
@@ -228,7 +228,7 @@ TEST_CASE("the parallax angles must be in order", "[options]") {
   CHECK_THROWS_WITH(options.validate(), Catch::Contains("min_parallax_deg") && Catch::Contains("max_parallax_deg"));
 }
 
-TEST_CASE("presets are valid and stand for what their names say", "[options]") {
+TEST_CASE("presets are valid and have the documented values", "[options]") {
   for (const char* name : {"paper", "online", "normal", "high"}) {
     INFO(name);
     CHECK_NOTHROW(preset(quality_from_name(name)).validate());
@@ -261,7 +261,7 @@ TEST_CASE("presets are valid and stand for what their names say", "[options]") {
   CHECK_FALSE(paper.advanced.free_space.enabled);
 }
 
-TEST_CASE("sizes that are left open are those of the images, small ones enlarged", "[options]") {
+TEST_CASE("automatic sizes are those of the images with small ones enlarged", "[options]") {
   const auto size = [](int image_width, int image_height, int width = 0, int height = 0) {
     DensifierOptions options = preset(Quality::kHigh);
     options.width = width;
@@ -279,7 +279,7 @@ TEST_CASE("sizes that are left open are those of the images, small ones enlarged
   CHECK(size(960, 480, 0, 100) == std::pair(200, 100));
 }
 
-TEST_CASE("no more depth maps must agree than are compared", "[options]") {
+TEST_CASE("the number of agreeing depth maps is at most that of compared ones", "[options]") {
   ConsistencyFilterOptions options;
   options.min_views = options.window;
   CHECK_NOTHROW(options.validate());
@@ -287,7 +287,7 @@ TEST_CASE("no more depth maps must agree than are compared", "[options]") {
   CHECK_THROWS_WITH(options.validate(), Catch::Contains("consistency.min_views is 6") && Catch::Contains("window, 5"));
 }
 
-TEST_CASE("names are read back and unknown ones refused", "[options]") {
+TEST_CASE("enum names are parsed and unknown ones refused", "[options]") {
   for (const Simd simd : {Simd::kAuto, Simd::kScalar, Simd::kAvx2, Simd::kAvx512})
     CHECK(simd_from_name(name_of(simd)) == simd);
   CHECK(quality_from_name("high") == Quality::kHigh);

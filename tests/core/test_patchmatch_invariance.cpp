@@ -102,7 +102,7 @@ TEST_CASE("the result turns with the camera", "[patchmatch]" PMSP_ACCURACY) {
   const synth::Mission mission = synth::sphere_inside(small_recipe(256));
   const DepthMap original = match(mission, 1);
   const double before = synth::share_within(original.depth, mission.frames[1].depth, 0.02);
-  for (const int columns : {64, 128, 37}) {  // 90, 180 and some degrees
+  for (const int columns : {64, 128, 37}) {  // 90, 180 and another angle
     INFO(columns);
     const synth::Mission turned = synth::turned(mission, columns);
     const DepthMap map = match(turned, 1);
@@ -114,7 +114,7 @@ TEST_CASE("the result turns with the camera", "[patchmatch]" PMSP_ACCURACY) {
   }
 }
 
-TEST_CASE("a furnished room is found as well whichever way the camera looks", "[patchmatch]" PMSP_ACCURACY) {
+TEST_CASE("a furnished room is found equally well for any camera orientation", "[patchmatch]" PMSP_ACCURACY) {
   const double before = synth::share_within(room_map().depth, room().frames[1].depth, 0.02);
   for (const int columns : {50, 100}) {
     INFO(columns);
@@ -128,7 +128,7 @@ TEST_CASE("a furnished room is found as well whichever way the camera looks", "[
   }
 }
 
-TEST_CASE("the unit of length does not matter", "[patchmatch]" PMSP_ACCURACY) {
+TEST_CASE("the unit of length does not affect the result", "[patchmatch]" PMSP_ACCURACY) {
   for (const double factor : {0.01, 100.0}) {
     INFO(factor);
     DepthMap map = match(synth::scaled(room(), factor), 1);
@@ -152,7 +152,7 @@ TEST_CASE("more iterations do not make it worse", "[patchmatch]" PMSP_ACCURACY) 
   CHECK(four > one);
 }
 
-TEST_CASE("a change of exposure between the images does not matter much", "[patchmatch]" PMSP_ACCURACY) {
+TEST_CASE("exposure changes between images have little effect", "[patchmatch]" PMSP_ACCURACY) {
   synth::Mission mission = room();
   for (Rgb& pixel : mission.frames[2].image.pixels()) {
     const auto darker = [](std::uint8_t v) { return static_cast<std::uint8_t>(std::lround(0.75 * v)); };

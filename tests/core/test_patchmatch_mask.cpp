@@ -14,7 +14,7 @@ namespace {
 constexpr int kWidth = kSanitized ? 64 : 256;
 constexpr int kHeight = kWidth / 2;
 
-/// What moves with the camera: the lower rows, as a drone's body, and a blob across the seam.
+/// Regions fixed to the camera: the lower rows, as a drone's body, and a blob across the seam.
 bool is_masked(int x, int y, int margin = 0) {
   const int from_seam = std::min(x, kWidth - 1 - x);
   return y >= kHeight * 5 / 6 - margin ||
@@ -29,7 +29,7 @@ synth::Mission with_mask(synth::Mission mission) {
   return mission;
 }
 
-/// The same strong pattern in all images, as of something that flies along.
+/// The same strong pattern in all images, as of a rig.
 synth::Mission with_garbage(synth::Mission mission) {
   for (synth::Frame& frame : mission.frames) {
     for (int y = 0; y < kHeight; ++y) {
@@ -78,7 +78,7 @@ TEST_CASE("masked pixels have no depth and are not counted", "[patchmatch][mask]
   CHECK(unmasked_with_depth > unmasked * 95 / 100);
 }
 
-TEST_CASE("what the mask hides does not matter, in the reference or in the neighbours",
+TEST_CASE("masked pixels of the reference and source views do not affect the result",
           "[patchmatch][mask]" PMSP_ACCURACY) {
   const synth::Mission clean = synth::textured_room(small_recipe(kWidth));
   const Image<float>& truth = clean.frames[1].depth;
@@ -91,7 +91,8 @@ TEST_CASE("what the mask hides does not matter, in the reference or in the neigh
   const double unchanged = synth::share_within(masked_garbage.depth, masked.depth, 0.01, is_outside);
   CAPTURE(unchanged);
   CHECK(unchanged > 0.97);
-  // Pixels whose surface the earlier neighbour hides and the later one sees: without the mask, garbage has a say.
+  // Pixels whose surface is masked in the earlier source view and visible in the later one: without the mask, the
+  // pattern affects them.
   const auto half_hidden = [&](int x, int y) {
     return !is_masked(x, y, 4) && hidden_in(clean, 0, x, y) && !hidden_in(clean, 2, x, y);
   };

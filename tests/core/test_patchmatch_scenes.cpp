@@ -81,7 +81,7 @@ TEST_CASE("PatchMatch finds the floor at the nadir", "[patchmatch]" PMSP_ACCURAC
   check_scene("floor_at_nadir", synth::floor_at_nadir(small_recipe(320)), {0.90, 0.91, 0.86, 0.94, 0.56});
 }
 
-TEST_CASE("normals and confidences of a raw map are what the header says", "[patchmatch]") {
+TEST_CASE("normals and confidences of a raw depth map are as documented", "[patchmatch]") {
   const synth::Mission mission = synth::textured_room(small_recipe(width_of_any(160)));
   const DepthMap map = match(mission, 1);
   int wrong = 0;
@@ -101,7 +101,7 @@ TEST_CASE("normals and confidences of a raw map are what the header says", "[pat
   CHECK(wrong == 0);
 }
 
-TEST_CASE("depths stay inside the range that was asked for", "[patchmatch]") {
+TEST_CASE("depths stay inside the requested range", "[patchmatch]") {
   const synth::Mission mission = synth::textured_room(small_recipe(width_of_any(160)));
   const DepthRange range = depth_range(synth::keyframe_of(mission, 1), InitOptions{});
   const DepthMap map = match(mission, 1);
@@ -113,7 +113,7 @@ TEST_CASE("depths stay inside the range that was asked for", "[patchmatch]") {
   CHECK(outside == 0);
 }
 
-TEST_CASE("confidence tells good pixels from bad ones", "[patchmatch]" PMSP_ACCURACY) {
+TEST_CASE("confidence separates accurate from wrong pixels", "[patchmatch]" PMSP_ACCURACY) {
   const synth::Mission mission = synth::textured_room(small_recipe(256));
   const synth::Frame& frame = mission.frames[1];
   const DepthMap map = match(mission, 1);
@@ -125,7 +125,7 @@ TEST_CASE("confidence tells good pixels from bad ones", "[patchmatch]" PMSP_ACCU
   CHECK(share(0.95F, 1.1F) > share(0.0F, 0.7F) + 0.2);
 }
 
-TEST_CASE("a neighbour that shows something else does little harm beside a good one", "[patchmatch]" PMSP_ACCURACY) {
+TEST_CASE("an unrelated source view has little effect beside a good one", "[patchmatch]" PMSP_ACCURACY) {
   synth::Mission mission = synth::sphere_inside(small_recipe(256));
   const synth::Frame& frame = mission.frames[1];
   const double both = synth::share_within(match(mission, 1).depth, frame.depth, 0.02);
@@ -141,7 +141,7 @@ TEST_CASE("a neighbour that shows something else does little harm beside a good 
   CHECK(with_garbage > alone - 0.12);
 }
 
-TEST_CASE("four neighbours do no worse than one", "[patchmatch]" PMSP_ACCURACY) {
+TEST_CASE("four source views are at least as accurate as one", "[patchmatch]" PMSP_ACCURACY) {
   const synth::Mission mission = synth::textured_room(small_recipe(160, 5));
   const auto share = [&](const std::vector<std::size_t>& neighbours) {
     MatchSetup setup;
@@ -176,7 +176,7 @@ TEST_CASE("any even size works as well as a round one", "[patchmatch]" PMSP_ACCU
   }
 }
 
-TEST_CASE("input that makes no sense is refused", "[patchmatch]") {
+TEST_CASE("invalid input is refused", "[patchmatch]") {
   const Executor executor(1);
   const Image<Rgb> pixels(64, 32);
   const Panorama panorama(pixels.view(), {}, 64, 32, executor);
@@ -228,7 +228,7 @@ TEST_CASE("panoramas refuse odd sizes and masks of another size", "[patchmatch]"
   CHECK_THROWS_WITH(Panorama(even.view(), mask.view(), 64, 32, executor), Catch::Contains("62 x 32"));
 }
 
-TEST_CASE("a further pass over all maps leaves fewer wrong depths", "[patchmatch]" PMSP_ACCURACY) {
+TEST_CASE("a geometric pass leaves fewer wrong depths", "[patchmatch]" PMSP_ACCURACY) {
   const synth::Mission mission = synth::empty_room(small_recipe(256, 5));
   MatchSetup first;
   first.options.iterations = 2;
@@ -247,7 +247,7 @@ TEST_CASE("a further pass over all maps leaves fewer wrong depths", "[patchmatch
   CHECK(checked > alone + 0.02);
 }
 
-TEST_CASE("depth maps of neighbours must fit the input", "[patchmatch]") {
+TEST_CASE("depth maps of source views must match the input", "[patchmatch]") {
   const synth::Mission mission = synth::empty_room(small_recipe(64));
   const DepthMap map = match(mission, 1);
   const DepthMap small = match(synth::empty_room(small_recipe(48)), 1);

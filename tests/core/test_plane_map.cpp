@@ -22,7 +22,7 @@ DepthMap room_map() {
 
 }  // namespace
 
-TEST_CASE("planes of a depth map give it back", "[planes]") {
+TEST_CASE("planes of a depth map reproduce its depths", "[planes]") {
   const Executor executor(2);
   const DepthMap map = room_map();
   const PlaneMap planes = plane_map_of(map, executor);
@@ -37,7 +37,7 @@ TEST_CASE("planes of a depth map give it back", "[planes]") {
   }
 }
 
-TEST_CASE("confidences take the place of scores, and 0 leaves a pixel out", "[planes]") {
+TEST_CASE("confidences are used as scores and 0 leaves a pixel out", "[planes]") {
   const Executor executor(1);
   PlaneMap planes = plane_map_of(room_map(), executor);
   planes.score(10, 10) = 1.5F;  // what a prior adds
@@ -52,7 +52,7 @@ TEST_CASE("confidences take the place of scores, and 0 leaves a pixel out", "[pl
   CHECK(map.confidence(3, 5) == 0.0F);
 }
 
-TEST_CASE("planes, depths and confidences of other sizes are refused", "[planes]") {
+TEST_CASE("planes and depths and confidences of different sizes are refused", "[planes]") {
   const Executor executor(1);
   DepthMap map = room_map();
   const PlaneMap planes = plane_map_of(map, executor);
@@ -62,7 +62,7 @@ TEST_CASE("planes, depths and confidences of other sizes are refused", "[planes]
   CHECK_THROWS_AS(plane_map_of(map, executor), InvalidInput);
 }
 
-TEST_CASE("normals are estimated from depths alone, and no edge is smoothed over", "[planes]") {
+TEST_CASE("normals are estimated from depths alone and edges are not smoothed", "[planes]") {
   const Executor executor(2);
   const synth::Frame frame = synth::textured_room(small_recipe(256)).frames[0];
   const DepthMap truth = truth_map(frame, 0.7F);

@@ -22,7 +22,7 @@ namespace {
 
 using Where = std::function<bool(int, int)>;
 
-/// What a pass of PatchMatch would leave: the truth where there is texture, chance elsewhere, with this score.
+/// Result of an ideal PatchMatch pass: the truth where there is texture, random depths with this score elsewhere.
 DepthMap map_without_textureless(const synth::Frame& frame, const Where& textureless, float score = 0.3F) {
   DepthMap map = truth_map(frame, 0.95F);
   for (int y = 0; y < map.depth.height(); ++y) {
@@ -101,7 +101,7 @@ constexpr int kWidth = 256;
 
 }  // namespace
 
-TEST_CASE("a textureless patch of a wall gets the wall's plane, wherever it lies", "[priors]") {
+TEST_CASE("a textureless patch of a wall gets the wall's plane anywhere on the sphere", "[priors]") {
   const synth::Frame textured = frame_of(synth::empty_room(small_recipe(kWidth, 1)));
   const Eigen::Vector3d up(0.0, -1.0, 0.0);
   const Eigen::Vector3d seam(0.05, 0.0, -1.0);
@@ -121,7 +121,7 @@ TEST_CASE("a textureless patch of a wall gets the wall's plane, wherever it lies
   }
 }
 
-TEST_CASE("a bare wall in a noisy image is a bare wall", "[priors]") {
+TEST_CASE("image noise does not make a bare wall textured", "[priors]") {
   const synth::Frame textured = frame_of(synth::empty_room(small_recipe(kWidth, 1)));
   const Eigen::Vector3d up(0.0, -1.0, 0.0);
   const Where textureless = [&](int x, int y) { return degrees_from(textured, x, y, up) < 40.0; };
@@ -137,11 +137,11 @@ TEST_CASE("a bare wall in a noisy image is a bare wall", "[priors]") {
   const Image<float> priors = ranges(priors_of(frame, map_without_textureless(frame, textureless, 0.98F)));
   const Found found =
       free_space_filter(priors, frame.depth, [&](int x, int y) { return degrees_from(frame, x, y, up) < 34.0; });
-  CHECK(found.share > 0.98);  // what noise takes for texture gets none
+  CHECK(found.share > 0.98);  // pixels textured by noise get none
   CHECK(found.within > 0.9);
 }
 
-TEST_CASE("dots that have matched well somewhere, each for itself, support nothing", "[priors]") {
+TEST_CASE("isolated matched pixels support no plane", "[priors]") {
   const synth::Frame textured = frame_of(synth::empty_room(small_recipe(kWidth, 1)));
   const Eigen::Vector3d right(1.0, 0.1, 0.1);
   const auto degrees = [&](int x, int y) { return degrees_from(textured, x, y, right); };
@@ -161,7 +161,7 @@ TEST_CASE("dots that have matched well somewhere, each for itself, support nothi
   CHECK(found.within > 0.95);
 }
 
-TEST_CASE("behind a near thing the wall goes on", "[priors]") {
+TEST_CASE("the wall's plane continues behind a near object", "[priors]") {
   synth::Scene scene;
   scene.add(synth::Box{Eigen::Vector3d::Zero(), {4.0, 3.0, 3.0}, Eigen::Matrix3d::Identity()}, synth::textured(1));
   scene.add(synth::Box{{0.0, 0.0, 1.5}, {0.15, 0.15, 0.15}, Eigen::Matrix3d::Identity()}, synth::textured(2));
@@ -183,7 +183,7 @@ TEST_CASE("behind a near thing the wall goes on", "[priors]") {
   CHECK(found.within > 0.97);
 }
 
-TEST_CASE("nothing is proposed to the sky, nor without anything reliable", "[priors]") {
+TEST_CASE("no prior planes for the sky or without reliable pixels", "[priors]") {
   const synth::Frame textured = frame_of(synth::floor_at_nadir(small_recipe(kWidth, 1)));
   const Where sky = [&](int, int y) { return latitude_of(textured, y) > 0.0; };
   const Where clearly = [&](int, int y) { return latitude_of(textured, y) > 4.0; };
@@ -194,7 +194,7 @@ TEST_CASE("nothing is proposed to the sky, nor without anything reliable", "[pri
   CHECK(filled(ranges(priors_of(frame, map))) == 0.0);
 }
 
-TEST_CASE("light that falls off along a wall is no texture", "[priors]") {
+TEST_CASE("a brightness gradient along a wall is no texture", "[priors]") {
   const synth::Frame textured = frame_of(synth::empty_room(small_recipe(kWidth, 1)));
   const Where textureless = [&](int x, int y) { return degrees_from(textured, x, y, {1.0, 0.1, 0.1}) < 16.0; };
   const Where inner = [&](int x, int y) { return degrees_from(textured, x, y, {1.0, 0.1, 0.1}) < 8.0; };
@@ -209,7 +209,7 @@ TEST_CASE("light that falls off along a wall is no texture", "[priors]") {
   CHECK(free_space_filter(ranges(priors_of(frame, map)), frame.depth, inner).share > 0.9);
 }
 
-TEST_CASE("priors do not depend on the number of threads, and need maps of the image's size", "[priors]") {
+TEST_CASE("prior planes do not depend on the number of threads and need maps of the image's size", "[priors]") {
   const synth::Frame frame = frame_of(synth::painted_room(small_recipe(96, 1)));
   const DepthMap map = truth_map(frame, 0.95F);
   CHECK(same(ranges(priors_of(frame, map, 1)), ranges(priors_of(frame, map, 3))));
@@ -223,7 +223,7 @@ TEST_CASE("priors do not depend on the number of threads, and need maps of the i
                   InvalidInput);
 }
 
-TEST_CASE("scores without priors are what patches alone score", "[priors]") {
+TEST_CASE("scores without prior planes are the patch scores", "[priors]") {
   const Executor executor(1);
   PlaneMap map(64, 32);
   PlaneMap priors(64, 32);
@@ -257,7 +257,7 @@ TEST_CASE("scores without priors are what patches alone score", "[priors]") {
   CHECK_THROWS_AS(subtract_priors(map, PlaneMap(32, 16), executor), InvalidInput);
 }
 
-TEST_CASE("plane priors give painted walls their depth, and can be switched off", "[priors]" PMSP_ACCURACY) {
+TEST_CASE("prior planes give painted walls their depth and can be disabled", "[priors]" PMSP_ACCURACY) {
   synth::Recipe recipe = small_recipe(640, 4);
   recipe.mission.render.noise_sigma = 2.0;
   const synth::Mission mission = synth::painted_room(recipe);
@@ -290,7 +290,7 @@ TEST_CASE("plane priors give painted walls their depth, and can be switched off"
   CHECK(wall(with) > wall(without) + 0.2);
   CHECK(rest(with) > rest(without) - 0.01);
 
-  // What maps have in common by their priors, their differences do not show: it must be told all the same.
+  // Errors common to maps with the same prior planes do not show in their differences, but must lower the confidence.
   std::vector<double> found;
   std::vector<double> told;
   for (int y = 0; y < frame.depth.height(); ++y) {

@@ -44,7 +44,7 @@ PlaneReuse result_of(const SmallMission& mission) {
   return {PlaneReuse::Planes::kResult, mission.options.advanced.patchmatch.geometric_passes + 1, false};
 }
 
-/// Runs a plan for some keyframes with the images that it asks for.
+/// Runs a plan for some keyframes with the images that it requests.
 Outcome run_with(const SmallMission& mission, const Plan& plan, const Ids& ids, const PlaneReuses& reuses,
                  const std::function<bool(std::int64_t keyframe_id)>& wants_planes = nullptr) {
   Outcome outcome;
@@ -76,7 +76,7 @@ bool same_planes(const PlaneMap& a, const PlaneMap& b) {
 
 }  // namespace
 
-TEST_CASE("an interrupted run goes on with the planes that it has, and ends the same", "[densifier][shortcuts]") {
+TEST_CASE("an interrupted run resumes with its finished planes and gives the same result", "[densifier][shortcuts]") {
   std::mt19937 random(3);
   for (const SmallMission& mission : small_missions()) {
     INFO(mission.name);
@@ -108,7 +108,7 @@ TEST_CASE("an interrupted run goes on with the planes that it has, and ends the 
   }
 }
 
-TEST_CASE("with all planes there nothing is matched, and the points are the same", "[densifier][shortcuts]") {
+TEST_CASE("with all planes given nothing is matched and the points are the same", "[densifier][shortcuts]") {
   for (const SmallMission& mission : small_missions()) {
     INFO(mission.name);
     const Plan plan = plan_of(mission);
@@ -123,7 +123,7 @@ TEST_CASE("with all planes there nothing is matched, and the points are the same
   }
 }
 
-TEST_CASE("planes come of those keyframes of which they are wanted, and change nothing else", "[densifier]") {
+TEST_CASE("planes are delivered for the requested keyframes without other effects", "[densifier]") {
   for (const SmallMission& mission : small_missions()) {
     INFO(mission.name);
     const Plan plan = plan_of(mission);
@@ -145,7 +145,7 @@ TEST_CASE("planes come of those keyframes of which they are wanted, and change n
   }
 }
 
-TEST_CASE("who asks for planes alone gets the same ones from fewer images", "[densifier][shortcuts]") {
+TEST_CASE("requesting planes alone gives the same planes from fewer images", "[densifier][shortcuts]") {
   for (const SmallMission& mission : small_missions()) {
     if (mission.options.advanced.init.warp_previous && mission.options.advanced.init.chain_keyframes == 0) continue;
     INFO(mission.name);
@@ -160,14 +160,13 @@ TEST_CASE("who asks for planes alone gets the same ones from fewer images", "[de
     CHECK(densifier.images().size() <= halo(plan, ids, mission.options, false).images.size());
     for (const std::int64_t id : densifier.images()) densifier.add(keyframe_of(mission, id));
     densifier.flush();
-    CHECK(planes.size() >= ids.size());  // where there is one pass only, those that hand theirs on are finished, too
+    CHECK(planes.size() >= ids.size());  // with a single pass, keyframes whose planes are warped are finished as well
     for (const auto& [id, map] : planes) CHECK(same_planes(map, whole.planes.at(id)));
     for (const std::int64_t id : ids) CHECK(planes.count(id) == 1);
   }
 }
 
-TEST_CASE("planes are kept, refined, or made anew in some or all passes, in any order of the tasks",
-          "[densifier][shortcuts]") {
+TEST_CASE("planes are kept or refined or computed again for any passes and task order", "[densifier][shortcuts]") {
   for (const SmallMission& mission : small_missions()) {
     const int passes = mission.options.advanced.patchmatch.geometric_passes;
     if (passes < 2) continue;
@@ -201,7 +200,7 @@ TEST_CASE("planes are kept, refined, or made anew in some or all passes, in any 
       pipeline.flush();
       CHECK(difference(by_id(recording), next.results) == "");
     }
-    // A run with shortcuts may be interrupted, too.
+    // A run with reused planes may also be interrupted.
     Ways resumed = ways;
     std::mt19937 random(5);
     Ids missing;
@@ -226,7 +225,7 @@ TEST_CASE("planes are kept, refined, or made anew in some or all passes, in any 
   }
 }
 
-TEST_CASE("shortcuts that do not fit are refused", "[densifier][shortcuts]") {
+TEST_CASE("inconsistent reuse of planes is refused", "[densifier][shortcuts]") {
   const SmallMission mission{"", small_preset(Quality::kOnline), small_flight(10)};
   const Plan plan = plan_of(mission);
   const Ids all = with_depth_map(plan);

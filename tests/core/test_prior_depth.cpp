@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Depth from elsewhere: how it is aligned to landmarks, and when it gives planes.
+// Prior depth: alignment to landmarks, and prior planes.
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -60,7 +60,7 @@ double largest_error(const Image<float>& depth, const Image<float>& truth) {
 
 }  // namespace
 
-TEST_CASE("a depth image is aligned whatever its values stand for", "[prior depth]") {
+TEST_CASE("a depth image of any value type is aligned", "[prior depth]") {
   const synth::Mission mission = room();
   const synth::Frame& frame = mission.frames[0];
   const Keyframe keyframe = keyframe_with(frame);
@@ -80,7 +80,7 @@ TEST_CASE("a depth image is aligned whatever its values stand for", "[prior dept
   }
 }
 
-TEST_CASE("a third of wrong landmarks does not spoil the alignment", "[prior depth]") {
+TEST_CASE("the alignment is robust to a third of wrong landmarks", "[prior depth]") {
   const synth::Mission mission = room();
   const synth::Frame& frame = mission.frames[0];
   Keyframe keyframe = keyframe_with(frame);
@@ -95,7 +95,7 @@ TEST_CASE("a third of wrong landmarks does not spoil the alignment", "[prior dep
   CHECK(largest_error(aligned_depth(values.view(), alignment), frame.depth) < 0.02);
 }
 
-TEST_CASE("what does not fit the landmarks is left out, with the reason", "[prior depth]") {
+TEST_CASE("depth images that contradict the landmarks are skipped with the reason", "[prior depth]") {
   const synth::Mission mission = room();
   const synth::Frame& frame = mission.frames[0];
   const Keyframe keyframe = keyframe_with(frame);
@@ -112,7 +112,7 @@ TEST_CASE("what does not fit the landmarks is left out, with the reason", "[prio
   CHECK(align_prior_depth(frame.depth.view(), keyframe_with(frame, 11)).why_not.find("11 landmarks") == 0);
 }
 
-TEST_CASE("a depth image must agree with most landmarks, and tell more than one depth everywhere", "[prior depth]") {
+TEST_CASE("a depth image must agree with most landmarks and must not be constant", "[prior depth]") {
   const synth::Mission mission = room();
   const synth::Frame& frame = mission.frames[0];
   const Eigen::Vector3d center = frame.cam_from_world.center();
@@ -135,7 +135,7 @@ TEST_CASE("a depth image must agree with most landmarks, and tell more than one 
   CHECK(flat.why_not.find("it fits the landmarks hardly better") == 0);
 }
 
-TEST_CASE("of many landmarks those at the end of the list have a say, too", "[prior depth]") {
+TEST_CASE("all of many landmarks affect the alignment", "[prior depth]") {
   const synth::Mission mission = room();
   const synth::Frame& frame = mission.frames[0];
   const Eigen::Vector3d center = frame.cam_from_world.center();
@@ -196,7 +196,7 @@ TEST_CASE("depths are compared with those of landmarks", "[prior depth]") {
   CHECK(depth_ratio(depth.view(), keyframe_with(frame, 11)) == 0.0);
 }
 
-TEST_CASE("bad values in a depth image are no depth", "[prior depth]") {
+TEST_CASE("invalid values in a depth image are no depth", "[prior depth]") {
   Image<float> values(16, 8, 2.0F);
   values(0, 0) = std::nanf("");
   values(1, 0) = HUGE_VALF;
@@ -209,12 +209,11 @@ TEST_CASE("bad values in a depth image are no depth", "[prior depth]") {
   CHECK(depth(4, 0) == 2.0F);
 }
 
-TEST_CASE("a prior depth gives planes where nothing surrounds a textureless surface, corrected by what is reliable",
+TEST_CASE("prior depth gives planes on unsurrounded textureless surfaces corrected by reliable pixels",
           "[prior depth]") {
   synth::Frame frame = room().frames[0];
   const int width = frame.image.width(), height = frame.image.height();
-  // All above 10 degrees is textureless: the ceiling and the upper walls, which no plane through reliable points closes
-  // in.
+  // Everything above 10 degrees is textureless: the ceiling and the upper walls, which reliable points do not surround.
   const auto textureless = [&](int y) { return 90.0 - 180.0 * (y + 0.5) / height > 10.0; };
   DepthMap map = truth_map(frame, 0.95F);
   Image<float> given(width, height);
@@ -259,7 +258,7 @@ TEST_CASE("a prior depth gives planes where nothing surrounds a textureless surf
   CHECK(with_random.second < without.second + 0.08);
 }
 
-TEST_CASE("the plane of a cell is that of its own surface, whatever is beside it", "[prior depth]") {
+TEST_CASE("the plane of a cell is that of its own surface independent of adjacent surfaces", "[prior depth]") {
   // Two spheres of radius 2 and 4, each seen on one half.
   const PriorGrid grid(256, 128);
   Image<float> depth(256, 128, 4.0F);
@@ -283,7 +282,7 @@ TEST_CASE("the plane of a cell is that of its own surface, whatever is beside it
   CHECK(right == cells);
 }
 
-TEST_CASE("a prior depth too small to tell anything is refused", "[prior depth]") {
+TEST_CASE("a prior depth of too low resolution is refused", "[prior depth]") {
   const synth::Mission mission = room();
   Keyframe keyframe = keyframe_with(mission.frames[0]);
   const Image<float> tiny(8, 4, 1.0F);

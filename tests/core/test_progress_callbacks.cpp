@@ -7,7 +7,7 @@
 using namespace pmsp;
 using namespace pmsp::test;
 
-TEST_CASE("a Densifier tells the plan that it makes, entry by entry", "[densifier]") {
+TEST_CASE("a Densifier reports the plan that it makes entry by entry", "[densifier]") {
   for (const SmallMission& mission : small_missions()) {
     INFO(mission.name);
     Plan told;
@@ -20,7 +20,7 @@ TEST_CASE("a Densifier tells the plan that it makes, entry by entry", "[densifie
   }
 }
 
-TEST_CASE("the work that is done and to come tells how far a flight is", "[densifier]") {
+TEST_CASE("finished and remaining work give the progress of a mission", "[densifier]") {
   const SmallMission mission = small_missions().front();
   PlannedCallbacks callbacks;
   callbacks.cloud = [](const KeyframeCloud&) {};
@@ -44,7 +44,7 @@ TEST_CASE("the work that is done and to come tells how far a flight is", "[densi
   CHECK(densifier.stats().work_done >= static_cast<double>(densifier.stats().keyframes_accepted));
 }
 
-TEST_CASE("of a part of a plan, the work is that of the part", "[densifier]") {
+TEST_CASE("the work of a part of a plan is that of the part", "[densifier]") {
   const SmallMission mission = small_missions().front();
   const Plan plan = plan_of(mission);
   std::vector<std::int64_t> one;

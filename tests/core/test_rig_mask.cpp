@@ -22,14 +22,14 @@ synth::Mission mission(MakeMission make, bool rider, int keyframes = 10) {
   return make(recipe);
 }
 
-RigMask estimated(const synth::Mission& mission, int threads = 2) {
+RigMask estimated_mask(const synth::Mission& mission, int threads = 2) {
   const Executor executor(threads);
   RigMaskEstimator estimator;
   for (std::size_t i = 0; i < mission.frames.size(); ++i) estimator.add(keyframe_of(mission, i), executor);
   return estimator.estimate(executor);
 }
 
-/// Shares of the rider's and of all other directions that a mask hides.
+/// Masked shares of the rider's and of all other directions.
 struct Hidden {
   double rider = 0.0, others = 0.0;
 };
@@ -51,26 +51,26 @@ Hidden hidden_by(const RigMask& rig, const Image<std::uint8_t>& label) {
 
 }  // namespace
 
-TEST_CASE("The rig mask covers what the camera carries along, and hardly anything else", PMSP_ACCURACY) {
+TEST_CASE("The rig mask covers the rig and hardly anything else", PMSP_ACCURACY) {
   for (const MakeMission make : {&synth::textured_room, &synth::yard}) {
     const synth::Mission with_rider = mission(make, true);
-    const RigMask rig = estimated(with_rider);
+    const RigMask rig = estimated_mask(with_rider);
     REQUIRE(rig.mask.width() == RigMaskEstimator::kWidth);
     const Hidden hidden = hidden_by(rig, with_rider.frames.front().label);
     CAPTURE(rig.share, hidden.rider, hidden.others);
     CHECK(hidden.rider > 0.9);
     CHECK(hidden.others < 0.06);
-    CHECK(estimated(with_rider, 1).mask.pixels() == rig.mask.pixels());
+    CHECK(estimated_mask(with_rider, 1).mask.pixels() == rig.mask.pixels());
   }
 }
 
-TEST_CASE("A camera that carries nothing along has no rig mask", PMSP_ACCURACY) {
+TEST_CASE("A camera without a rig has no rig mask", PMSP_ACCURACY) {
   for (const MakeMission make : {&synth::yard, &synth::painted_room, &synth::corridor_across_seam}) {
-    CHECK(estimated(mission(make, false)).mask.empty());
+    CHECK(estimated_mask(mission(make, false)).mask.empty());
   }
 }
 
-TEST_CASE("No rig mask without keyframes that move, or from too few") {
+TEST_CASE("No rig mask without motion or from too few keyframes") {
   CHECK(RigMaskEstimator().estimate(Executor(1)).mask.empty());
   const synth::Mission with_rider = mission(&synth::textured_room, true, 6);
   const Executor executor(2);
@@ -86,7 +86,7 @@ TEST_CASE("No rig mask without keyframes that move, or from too few") {
   CHECK(resting.estimate(executor).mask.empty());
 }
 
-TEST_CASE("What a mask hides already is no rig") {
+TEST_CASE("Masked pixels are no rig") {
   const synth::Mission with_rider = mission(&synth::textured_room, true);
   const Image<std::uint8_t>& label = with_rider.frames.front().label;
   Image<std::uint8_t> mask(512, 256, 255);

@@ -9,7 +9,7 @@
 using namespace pmsp;
 using namespace pmsp::test;
 
-TEST_CASE("keyframes with units of their own give the same surfaces", "[densifier][scale]") {
+TEST_CASE("keyframes of different scales give the same surfaces", "[densifier][scale]") {
   for (SmallMission& mission : small_missions()) {
     const ResultsById plain = by_id(whole_run(mission));
     REQUIRE(plain.points() > 0);
@@ -23,7 +23,7 @@ TEST_CASE("keyframes with units of their own give the same surfaces", "[densifie
   }
 }
 
-TEST_CASE("keyframes must have a scale that single precision bears", "[densifier][scale]") {
+TEST_CASE("keyframes must have a scale representable in single precision", "[densifier][scale]") {
   SmallMission mission{"one", small_preset(Quality::kOnline), small_flight(1)};
   for (const double scale : {0.0, -1.0, 1e-4, 1e4, std::nan("")}) {
     Densifier densifier(mission.options, {});

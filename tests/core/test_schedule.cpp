@@ -19,8 +19,8 @@ using namespace pmsp::test;
 
 namespace {
 
-/// A flight of `length` keyframes through the schedule: each stage runs as soon as it may. Tells how many keyframes
-/// have an artefact at a time, and counts looks at what is not there.
+/// A flight of `length` keyframes through the schedule: each stage runs as soon as it may. Reports how many keyframes
+/// have an artefact at a time, and counts accesses to missing ones.
 class MemorySimulation {
  public:
   MemorySimulation(const Schedule& schedule, std::int64_t plan_delay, std::int64_t length)
@@ -88,7 +88,7 @@ std::vector<DensifierOptions> small_presets() {
 
 }  // namespace
 
-TEST_CASE("no more keyframes hold an artefact than the schedule says, however long the flight", "[schedule]") {
+TEST_CASE("the number of keyframes that hold an artefact is bounded for missions of any length", "[schedule]") {
   for (const Quality quality : {Quality::kPaper, Quality::kOnline, Quality::kNormal, Quality::kHigh}) {
     for (const bool points : {false, true}) {
       const DensifierOptions options = preset(quality);
@@ -102,25 +102,25 @@ TEST_CASE("no more keyframes hold an artefact than the schedule says, however lo
       }
       for (std::size_t s = 0; s < schedule.stages().size(); ++s) {
         CHECK(flight.done()[s] ==
-              700 - schedule.stages()[s].lookahead);  // results come as late as is stated, not later
+              700 - schedule.stages()[s].lookahead);  // results come with the documented delay at most
       }
     }
   }
 }
 
-TEST_CASE("without points nothing is kept for them", "[schedule]") {
+TEST_CASE("without points no artefacts are kept for them", "[schedule]") {
   const Schedule maps(preset(Quality::kNormal), false);
   CHECK(maps.keyframes_with(Artefact::kSurfels) == 0);
   CHECK(maps.keyframes_with(Artefact::kRangeMap) == 0);
   CHECK(maps.stages().back().kind == Stage::Kind::kFilter);
   DensifierOptions alone = preset(Quality::kOnline);
-  alone.advanced.fusion.spacing_px = 0.0;  // every pixel makes a point: nobody asks for another one's
+  alone.advanced.fusion.spacing_px = 0.0;  // every pixel makes a point: keyframes are not compared
   alone.advanced.free_space.enabled = false;
   CHECK(Schedule(alone, true).keyframes_with(Artefact::kSurfels) == 1);
 }
 
-// Sanitizers replace the allocator that is asked here.
-TEST_CASE("a long flight takes no more memory than a short one", "[schedule][densifier]" PMSP_ACCURACY) {
+// Sanitizers replace the allocator that this test queries.
+TEST_CASE("memory does not grow with the length of a mission", "[schedule][densifier]" PMSP_ACCURACY) {
   const pmsp_test::TempDir dir;
   for (const bool scratch : {false, true}) {
     DensifierOptions options = fast_options(kTinyWidth);
@@ -150,7 +150,7 @@ TEST_CASE("a long flight takes no more memory than a short one", "[schedule][den
   }
 }
 
-TEST_CASE("what a flight takes on the CPU is bounded, and grows with it before") {
+TEST_CASE("memory on the CPU grows with a mission up to a bound") {
   for (DensifierOptions options : small_presets()) {
     for (const char* folder : {"", "somewhere"}) {
       options.scratch_folder = folder;
@@ -165,7 +165,7 @@ TEST_CASE("what a flight takes on the CPU is bounded, and grows with it before")
   }
 }
 
-TEST_CASE("a short flight takes less of a device's memory, one that is not known as much as a long one") {
+TEST_CASE("device memory is less for a short mission and that of a long one for unknown length") {
   for (DensifierOptions options : small_presets()) {
     for (const char* folder : {"", "somewhere"}) {
       options.scratch_folder = folder;
@@ -189,8 +189,7 @@ TEST_CASE("a short flight takes less of a device's memory, one that is not known
   CHECK_THROWS_AS(options.validate(), InvalidOption);
 }
 
-TEST_CASE(
-    "devices that share a flight are each asked for more than their share of one's memory, and not for twice it") {
+TEST_CASE("devices that share a mission each take more than half and less than twice the memory of one") {
   for (DensifierOptions options : small_presets()) {
     for (const char* folder : {"", "somewhere"}) {
       options.scratch_folder = folder;
@@ -202,7 +201,7 @@ TEST_CASE(
       CHECK(two > one / 2);
       CHECK(two < 2 * one);
       CHECK(device_memory_needed(options) <= two);
-      if (!options.scratch_folder.empty()) CHECK(two > one);  // nothing waits on a device of which each had its share
+      if (!options.scratch_folder.empty()) CHECK(two > one);  // no results wait on a shared device
     }
   }
 }

@@ -19,7 +19,7 @@ const synth::Mission& room() {
   return kRoom;
 }
 
-/// True planes in a unit of their own, a power of two, by which nothing is rounded.
+/// True planes at another scale, a power of two to avoid rounding.
 PlaneMap planes_of(std::size_t frame, double scale) {
   DepthMap map = truth_map(room().frames[frame], 0.9F);
   for (float& depth : map.depth.pixels()) depth /= static_cast<float>(scale);
@@ -27,7 +27,7 @@ PlaneMap planes_of(std::size_t frame, double scale) {
   return plane_map_of(map, Executor(1));
 }
 
-/// Planes of one unit in another one.
+/// Planes converted to another unit.
 bool same_planes(const PlaneMap& a, const PlaneMap& b) {
   const float ratio = static_cast<float>(a.scale / b.scale);
   const auto same = [&](const Image<float>& x, const Image<float>& y) {
@@ -41,7 +41,7 @@ bool same_planes(const PlaneMap& a, const PlaneMap& b) {
 
 }  // namespace
 
-TEST_CASE("depth maps and planes hand their unit on", "[scale]") {
+TEST_CASE("depth maps and planes keep their unit", "[scale]") {
   const Executor executor(1);
   const PlaneMap planes = planes_of(0, 4.0);
   CHECK(planes.scale == 4.0);
@@ -54,7 +54,7 @@ TEST_CASE("depth maps and planes hand their unit on", "[scale]") {
   CHECK(ranges.nearest(5, 5) == 0.25F * range_map(planes_of(0, 1.0), sure, executor).nearest(5, 5));
 }
 
-TEST_CASE("maps of different units agree as those of one", "[scale]") {
+TEST_CASE("depth maps of different units agree like those of one unit", "[scale]") {
   const Executor executor(1);
   const PlaneMap before = planes_of(0, 1.0);
   const PlaneMap after = planes_of(2, 1.0);
@@ -66,7 +66,7 @@ TEST_CASE("maps of different units agree as those of one", "[scale]") {
   CHECK(std::count_if(plain.pixels().begin(), plain.pixels().end(), [](float c) { return c > 0.0F; }) > kWidth);
 }
 
-TEST_CASE("planes go from one unit into another", "[scale]") {
+TEST_CASE("planes are converted from one unit to another", "[scale]") {
   const Executor executor(1);
   const KeyframePose pose{room().frames[1].cam_from_world, 0.25};
   const PlaneMap plain = warp_planes(planes_of(0, 1.0), {pose.cam_from_world}, kWidth, kWidth / 2, executor);
@@ -111,7 +111,7 @@ TEST_CASE("PatchMatch finds the same planes in any unit", "[scale]") {
   CHECK(same_planes(scaled, plain));
 }
 
-TEST_CASE("stages refuse scales that single precision does not bear", "[scale]") {
+TEST_CASE("stages refuse scales not representable in single precision", "[scale]") {
   const Executor executor(1);
   PlaneMap bad = planes_of(0, 1.0);
   const PlaneMap good = planes_of(1, 1.0);

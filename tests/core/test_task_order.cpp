@@ -14,7 +14,7 @@ using namespace pmsp::test;
 
 namespace {
 
-/// How the next one of the tasks that are ready is chosen.
+/// Choice of the next ready task.
 enum class Choice { kRandom, kLastStage, kLastKeyframe, kRandomStage };
 
 class Chooser {
@@ -52,7 +52,7 @@ class Chooser {
   std::size_t most_ = 0;
 };
 
-/// Results of a mission whose tasks are run in another order; by the mission's plan, or by that of a part.
+/// Results of a mission with its tasks in another order, with the plan of the mission or of a part.
 ResultsById run_in_order_of(Chooser& chooser, const SmallMission& mission, std::optional<PlanPart> part) {
   Recording recording;
   chooser.flushing = false;
@@ -66,7 +66,7 @@ ResultsById run_in_order_of(Chooser& chooser, const SmallMission& mission, std::
 
 }  // namespace
 
-TEST_CASE("any order of the tasks that are ready gives the same bytes", "[densifier][order]") {
+TEST_CASE("any order of the ready tasks gives the same bytes", "[densifier][order]") {
   for (SmallMission& mission : small_missions()) {
     const ResultsById whole = by_id(whole_run(mission));
     for (const Choice how : {Choice::kRandom, Choice::kLastStage, Choice::kLastKeyframe, Choice::kRandomStage}) {
@@ -77,13 +77,13 @@ TEST_CASE("any order of the tasks that are ready gives the same bytes", "[densif
         Chooser chooser(how, seed);
         INFO(mission.name << ", choice " << static_cast<int>(how) << ", seed " << seed);
         CHECK(difference(run_in_order_of(chooser, mission, std::nullopt), whole) == "");
-        CHECK(chooser.most() > 2);  // there was something to choose from
+        CHECK(chooser.most() > 2);  // several tasks were ready
       }
     }
   }
 }
 
-TEST_CASE("so does any order of the tasks of a piece", "[densifier][order]") {
+TEST_CASE("any order of the ready tasks of a part gives the same bytes", "[densifier][order]") {
   for (SmallMission& mission : small_missions()) {
     const Plan plan = plan_of(mission);
     const std::vector<std::int64_t> all = ids_of(mission.keyframes);
@@ -98,7 +98,7 @@ TEST_CASE("so does any order of the tasks of a piece", "[densifier][order]") {
   }
 }
 
-TEST_CASE("tasks done in any order end where tasks in order end", "[densifier][order]") {
+TEST_CASE("tasks done in any order reach the same final state", "[densifier][order]") {
   TaskOrder order(DensifierOptions(), true);
   for (const std::int64_t keyframe : {3, 1, 0, 4}) order.mark({1, keyframe});
   CHECK(order.next(0) == 0);

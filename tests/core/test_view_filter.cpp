@@ -30,7 +30,7 @@ const Vector3d kRight(1.0, 0.0, 0.0);
 Keyframe keyframe(std::int64_t id, const Vector3d& center, const std::vector<Landmark>& landmarks) {
   Keyframe result;
   result.id = id;
-  result.cam_from_world.rotation << 0, 0, -1, 0, 1, 0, 1, 0, 0;  // the camera's own turning must not matter
+  result.cam_from_world.rotation << 0, 0, -1, 0, 1, 0, 1, 0, 0;  // the camera's rotation must have no effect
   result.cam_from_world.translation = -(result.cam_from_world.rotation * center);
   result.landmarks = landmarks;
   return result;
@@ -122,13 +122,14 @@ std::vector<bool> only(const std::vector<std::size_t>& indices) {
 
 }  // namespace
 
-TEST_CASE("a blurred keyframe is left out, sharp ones before and after are not", "[view_filter][blur]" PMSP_ACCURACY) {
+TEST_CASE("a blurred keyframe is skipped and sharp ones before and after are not",
+          "[view_filter][blur]" PMSP_ACCURACY) {
   CHECK(found_blurred(motion(4), {3}) == only({3}));
   CHECK(found_blurred(motion(12), {2, 5}) == only({2, 5}));
   CHECK(found_blurred(motion(12), {}) == only({}));
 }
 
-TEST_CASE("by default little blur is borne", "[view_filter][blur]" PMSP_ACCURACY) {
+TEST_CASE("by default little blur is tolerated", "[view_filter][blur]" PMSP_ACCURACY) {
   CHECK(found_blurred(motion(2), {3}, {}) == only({}));
   CHECK(found_blurred(motion(8), {3}, {}) == only({3}));
 }
@@ -138,14 +139,14 @@ TEST_CASE("brightness and contrast are no blur", "[view_filter][blur]" PMSP_ACCU
   CHECK(found_blurred([](const Image<Rgb>& image) { return faded(blurred(image, 6)); }, {4}) == only({4}));
 }
 
-TEST_CASE("blur counts in pixels of the depth map", "[view_filter][blur]" PMSP_ACCURACY) {
+TEST_CASE("blur is measured in pixels of the depth map", "[view_filter][blur]" PMSP_ACCURACY) {
   CHECK(found_blurred(motion(3), {3}) == only({3}));
   CHECK(found_blurred(motion(3), {3}, strict(), kFlightWidth / 4) == only({}));
   CHECK(found_blurred(motion(16), {3}, strict(), kFlightWidth / 4) == only({3}));
 }
 
-TEST_CASE("a blurred keyframe is better than a hole", "[view_filter][blur]" PMSP_ACCURACY) {
-  // All are blurred from the third on: what remains must go on from the newest accepted one.
+TEST_CASE("a blurred keyframe is kept instead of a gap", "[view_filter][blur]" PMSP_ACCURACY) {
+  // All are blurred from the third on: the rest must continue from the newest accepted one.
   const std::vector<bool> found = found_blurred(motion(8), {2, 3, 4, 5, 6});
   CHECK(found[2]);
   CHECK(std::count(found.begin(), found.end(), true) < 4);
@@ -155,13 +156,13 @@ TEST_CASE("a blurred keyframe is better than a hole", "[view_filter][blur]" PMSP
   CHECK(found_blurred(motion(12), {3}, narrow) == only({}));
 }
 
-TEST_CASE("the search for blur can be switched off", "[view_filter][blur]") {
+TEST_CASE("blur detection can be disabled", "[view_filter][blur]") {
   ViewFilterOptions off;
   off.min_sharpness = 0.0;
   CHECK(found_blurred(motion(20), {3}, off) == only({}));
 }
 
-TEST_CASE("after a reset keyframes are compared with those that came after it", "[view_filter][blur]" PMSP_ACCURACY) {
+TEST_CASE("after a reset keyframes are compared with later ones only", "[view_filter][blur]" PMSP_ACCURACY) {
   ViewFilter filter(strict());
   const auto accepts = [&](std::size_t i, const Change& change) {
     Keyframe frame = synth::keyframe_of(flight(), i);
@@ -171,10 +172,10 @@ TEST_CASE("after a reset keyframes are compared with those that came after it", 
   };
   for (std::size_t i = 0; i < 3; ++i) CHECK(accepts(i, motion(1)));
   filter.reset();
-  for (std::size_t i = 0; i < 5; ++i) CHECK(accepts(i, motion(8)));  // sharp ones of before do not count
+  for (std::size_t i = 0; i < 5; ++i) CHECK(accepts(i, motion(8)));  // sharp keyframes before the reset do not count
 }
 
-TEST_CASE("fewer than twenty landmarks in common tell nothing of blur", "[view_filter][blur]") {
+TEST_CASE("blur is not estimated from fewer than twenty common landmarks", "[view_filter][blur]") {
   std::vector<LandmarkSharpness> sharp;
   std::vector<LandmarkSharpness> blurred;
   for (std::int64_t id = 0; id < 19; ++id) {
@@ -226,7 +227,7 @@ TEST_CASE("common_parallax measures any angle", "[view_filter]") {
   CHECK(common_parallax(one, kLeft, one, kLeft, 0.0, 180.0).median_deg == Approx(0.0).margin(0.005));
 }
 
-TEST_CASE("common_parallax of nothing in common is zero", "[view_filter]") {
+TEST_CASE("common_parallax is zero without common landmarks", "[view_filter]") {
   const CommonParallax common = common_parallax({landmark(1, 10.0)}, kLeft, {landmark(2, 10.0)}, kRight, 0.0, 180.0);
   CHECK(common.landmarks == 0);
   CHECK(common.in_range == 0);
@@ -234,7 +235,7 @@ TEST_CASE("common_parallax of nothing in common is zero", "[view_filter]") {
   CHECK(common_parallax({}, kLeft, {}, kRight, 0.0, 180.0).landmarks == 0);
 }
 
-TEST_CASE("the first keyframe is accepted whatever it is, and what has landmarks but none in common", "[view_filter]") {
+TEST_CASE("the first keyframe and keyframes without common landmarks are accepted", "[view_filter]") {
   ViewFilter filter{ViewFilterOptions{}};
   CHECK(filter.accept(keyframe(0, kLeft, {})));
   CHECK(filter.accept(keyframe(1, kRight, {landmark(1, 20.0)})));
@@ -245,7 +246,7 @@ TEST_CASE("the first keyframe is accepted whatever it is, and what has landmarks
   CHECK(filter.accept(keyframe(5, kLeft, {landmark(2, 20.0)})));
 }
 
-TEST_CASE("which landmarks blur is measured at does not depend on their order", "[view_filter][blur]") {
+TEST_CASE("the landmarks used for blur do not depend on their order", "[view_filter][blur]") {
   synth::Recipe recipe = small_recipe(256, 1);
   recipe.mission.landmarks.count = 1500;
   const synth::Mission mission = synth::textured_room(recipe);
@@ -265,7 +266,7 @@ TEST_CASE("which landmarks blur is measured at does not depend on their order", 
   CHECK(ids() == before);
 }
 
-TEST_CASE("the share of landmarks with useful parallax decides, its border included", "[view_filter]") {
+TEST_CASE("the share of landmarks with useful parallax decides including its limit", "[view_filter]") {
   CHECK(accepts(3, 17));
   CHECK_FALSE(accepts(14, 86));
   CHECK(accepts(15, 85));
@@ -283,7 +284,7 @@ TEST_CASE("parallax counts between 6 and 60 degrees", "[view_filter]") {
   CHECK_FALSE(accepts_parallax(60.02));
 }
 
-TEST_CASE("keyframes are compared with the newest accepted one, not with a rejected one", "[view_filter]") {
+TEST_CASE("keyframes are compared with the newest accepted one and not with a rejected one", "[view_filter]") {
   ViewFilter filter{ViewFilterOptions{}};
   const std::vector<Landmark> far = {{1, Vector3d(0.0, 0.0, 10.0)}};
   REQUIRE(filter.accept(keyframe(0, Vector3d(0.0, 0.0, 0.0), far)));
@@ -292,7 +293,7 @@ TEST_CASE("keyframes are compared with the newest accepted one, not with a rejec
   CHECK_FALSE(filter.accept(keyframe(3, Vector3d(2.1, 0.0, 0.0), far)));  // 12 from the first, 4 from the newest
 }
 
-TEST_CASE("a view filter that is switched off accepts all", "[view_filter]") {
+TEST_CASE("a disabled view filter accepts all", "[view_filter]") {
   ViewFilterOptions options;
   options.enabled = false;
   CHECK(accepts(0, 10, options));
@@ -301,7 +302,7 @@ TEST_CASE("a view filter that is switched off accepts all", "[view_filter]") {
   CHECK(filter.accept(keyframe(1, kLeft, {})));
 }
 
-TEST_CASE("a view filter refuses bad options", "[view_filter]") {
+TEST_CASE("a view filter refuses invalid options", "[view_filter]") {
   ViewFilterOptions options;
   options.min_share = 1.5;
   CHECK_THROWS_AS(ViewFilter(options), InvalidOption);

@@ -123,7 +123,7 @@ TEST_CASE("a turned and moved camera gets planes through the true surface with t
   }
 }
 
-TEST_CASE("where several pixels meet, the nearest surface wins", "[init][warp]") {
+TEST_CASE("the nearest surface wins where several pixels meet", "[init][warp]") {
   constexpr int kWidth = 200;
   synth::Scene scene;
   scene.add(synth::Sphere{Vector3d::Zero(), 6.0}, synth::textured(1));

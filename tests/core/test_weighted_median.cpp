@@ -44,7 +44,7 @@ struct Scene {
     const Image<Rgb> image = this->image();
     return {image.view(), mask, kWidth, kHeight, Executor(1)};
   }
-  /// Planes that face the camera; the plate is `grown` by so many pixels.
+  /// Planes that face the camera; the plate is enlarged by `grown` pixels.
   PlaneMap planes(int grown) const {
     PlaneMap map(kWidth, kHeight);
     for (int y = 0; y < kHeight; ++y) {
@@ -92,7 +92,7 @@ TEST_CASE("the weighted median moves depth edges to where the colours change", "
   }
 }
 
-TEST_CASE("the weighted median looks as far around near a pole as at the equator", "[median]") {
+TEST_CASE("the weighted median covers the same angle near a pole as at the equator", "[median]") {
   const Scene scene{60, 4};
   PlaneMap grown = scene.planes(0);
   for (int y = 4; y < 28; ++y) {
@@ -121,7 +121,7 @@ TEST_CASE("the weighted median looks as far around near a pole as at the equator
   CHECK(after < before / 8);
 }
 
-TEST_CASE("the weighted median leaves what is right as it is, thin things included", "[median]") {
+TEST_CASE("the weighted median keeps correct depths including thin structures", "[median]") {
   const Scene scene;
   const PlaneMap truth = scene.planes(0);
   CHECK(right(scene, weighted_median_filter(truth, scene.panorama(), Executor(2))) > 0.995);
@@ -141,7 +141,7 @@ TEST_CASE("the weighted median leaves what is right as it is, thin things includ
   CHECK(kept > kWidth * 95 / 100);
 }
 
-TEST_CASE("a cable of nearly the wall's colour stays before it, a lone pixel does not", "[median]") {
+TEST_CASE("a cable of nearly the wall's colour stays and a single pixel does not", "[median]") {
   const Scene scene;
   Image<Rgb> image = scene.image();
   PlaneMap map = scene.planes(0);
@@ -166,7 +166,7 @@ TEST_CASE("a cable of nearly the wall's colour stays before it, a lone pixel doe
   CHECK_FALSE(stays(40, 50));
 }
 
-TEST_CASE("the weighted median fills holes, but nothing that is masked", "[median]") {
+TEST_CASE("the weighted median fills holes but no masked pixels", "[median]") {
   const Scene scene;
   Image<std::uint8_t> mask(kWidth, kHeight, 255);
   PlaneMap map = scene.planes(0);
@@ -184,7 +184,7 @@ TEST_CASE("the weighted median fills holes, but nothing that is masked", "[media
   CHECK(right(scene, filtered) > 0.97);
 }
 
-TEST_CASE("the weighted median is the same for any number of threads, and wants equal sizes", "[median]") {
+TEST_CASE("the weighted median is the same for any number of threads and requires equal sizes", "[median]") {
   const Scene scene;
   const Panorama panorama = scene.panorama();
   const PlaneMap map = scene.planes(3);

@@ -36,7 +36,7 @@ std::vector<float> on_host(const Body& body, int count) {
   return out;
 }
 
-/// Inputs are random too, by another key; whether host and device draw the same is what random_draws tells.
+/// Inputs are random as well, by another key; random_draws verifies that host and device draw the same.
 PMSP_HD RandomKey input_key() { return kernels::random_key(12345, 7, 99); }
 
 PMSP_HD float input(int i, std::uint32_t draw) {

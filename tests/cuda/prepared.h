@@ -10,7 +10,7 @@
 
 namespace pmsp::test {
 
-/// What the device makes of a keyframe's image, by the kernels of src/cuda/prepare.cu alone.
+/// A keyframe's image as prepared on the device by the kernels of src/cuda/prepare.cu.
 struct PreparedOnDevice {
   std::vector<uchar4> color;  ///< w = 255 where a depth is wanted, else 0
   std::vector<float> gray;    ///< rows equalized

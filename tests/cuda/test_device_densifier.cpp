@@ -14,7 +14,7 @@
 #include "planned_densifier.h"
 #include "pmsp/error.h"
 
-// What a Densifier promises, kept by the CUDA backend.
+// Contract of the Densifier on the CUDA backend.
 using namespace pmsp;
 using namespace pmsp::test;
 
@@ -63,7 +63,7 @@ TEST_CASE("a second run on the device gives the same bytes", "[cuda][densifier][
   CHECK(same(densify(mission, cuda_options(kTinyWidth)), densify(mission, cuda_options(kTinyWidth))));
 }
 
-TEST_CASE("the device takes planes that it has handed out", "[cuda][densifier][small]") {
+TEST_CASE("the device accepts planes that it has delivered", "[cuda][densifier][small]") {
   const synth::Mission mission = tiny_mission();
   std::vector<PlanKeyframe> keyframes;
   std::vector<std::int64_t> ids;
@@ -114,12 +114,12 @@ TEST_CASE("runs at full size give the same bytes", "[cuda][densifier]") {
   for (int i = 0; i < 3; ++i) CHECK(difference(densify(mission, options), first) == "");
 }
 
-TEST_CASE("a pipelined Densifier hands out the same, in the same order", "[cuda][densifier]") {
+TEST_CASE("a pipelined Densifier delivers the same results in the same order", "[cuda][densifier]") {
   CHECK(same(densify(test_flight(), cuda_options(kFlightWidth, true)), cuda_result()));
   CHECK(cuda_result().order == test_result().order);
 }
 
-TEST_CASE("pipelined results are the caller's before the work is done", "[cuda][densifier]") {
+TEST_CASE("pipelined results are delivered before the work is done", "[cuda][densifier]") {
   Recording recording;
   Densifier densifier(cuda_options(kFlightWidth, true), recording.callbacks());
   add_all(densifier, test_flight());
@@ -129,13 +129,13 @@ TEST_CASE("pipelined results are the caller's before the work is done", "[cuda][
   CHECK(same(recording, cuda_result()));
 }
 
-TEST_CASE("seeds matter on the device too", "[cuda][densifier]") {
+TEST_CASE("seeds change the result on the device", "[cuda][densifier]") {
   DensifierOptions options = cuda_options();
   options.seed = 2;
   CHECK_FALSE(same(densify(test_flight(), options).raw[1], cuda_result().raw[1]));
 }
 
-TEST_CASE("two Densifiers at once on one device give what each gives alone", "[cuda][densifier][threads]") {
+TEST_CASE("two Densifiers at once on one device give the results of each alone", "[cuda][densifier][threads]") {
   synth::Recipe recipe = small_recipe(kFlightWidth, 4);
   recipe.mission.first_id = 100;
   const synth::Mission other = synth::sphere_inside(recipe);
@@ -168,7 +168,7 @@ TEST_CASE("two Densifiers in turns on one thread do not disturb each other", "[c
   CHECK(same(second, cuda_result()));
 }
 
-TEST_CASE("several processors that share the work give what one gives", "[cuda][densifier]") {
+TEST_CASE("several processors give the result of one", "[cuda][densifier]") {
   for (const int count : {2, 3}) {
     for (const bool pipelined : {false, true}) {
       INFO(count << " processors, pipelined " << pipelined);
@@ -178,11 +178,11 @@ TEST_CASE("several processors that share the work give what one gives", "[cuda][
     }
   }
   DensifierOptions options = cuda_options(kFlightWidth, true);
-  options.devices = {};  // all that there are
+  options.devices = {};  // all devices
   CHECK(difference(by_kind(densify(test_flight(), options)), by_kind(cuda_result())) == "");
 }
 
-TEST_CASE("several processors share out what waits for the whole mission, too", "[cuda][densifier]") {
+TEST_CASE("several processors also share the results that wait for the whole mission", "[cuda][densifier]") {
   DensifierOptions options = cuda_options(kFlightWidth, true);
   options.advanced.free_space.whole_mission = true;
   const Recording one = by_kind(densify(test_flight(), options));
@@ -192,7 +192,7 @@ TEST_CASE("several processors share out what waits for the whole mission, too", 
   CHECK(difference(by_kind(densify(test_flight(), options)), one) == "");
 }
 
-TEST_CASE("devices that were closed start anew", "[cuda][densifier]") {
+TEST_CASE("closed devices can be opened again", "[cuda][densifier]") {
   const Recording before = densify(test_flight(), cuda_options());
   close_devices({0});
   CHECK(same(densify(test_flight(), cuda_options()), before));
@@ -201,7 +201,7 @@ TEST_CASE("devices that were closed start anew", "[cuda][densifier]") {
   CHECK(same(densify(test_flight(), cuda_options(kFlightWidth, true)), before));
 }
 
-TEST_CASE("a second device gives what the first gives", "[cuda][densifier]") {
+TEST_CASE("a second device gives the results of the first", "[cuda][densifier]") {
   if (!cuda::find_device(1).why_not.empty()) {
     WARN("not tested, there is one device only: " + cuda::find_device(1).why_not);
     return;
@@ -219,7 +219,7 @@ TEST_CASE("a second device gives what the first gives", "[cuda][densifier]") {
   if (cuda::find_device(0).name == cuda::find_device(1).name) CHECK(same(second, cuda_result()));
 }
 
-TEST_CASE("a CUDA Densifier may be used from another thread, moved, and left in the middle",
+TEST_CASE("a CUDA Densifier may be used from another thread and moved and destroyed while working",
           "[cuda][densifier][threads]") {
   Recording recording;
   Densifier made(cuda_options(), recording.callbacks());
@@ -233,7 +233,7 @@ TEST_CASE("a CUDA Densifier may be used from another thread, moved, and left in 
   }
 }
 
-TEST_CASE("callbacks come on the thread that calls", "[cuda][densifier][threads]") {
+TEST_CASE("callbacks run on the calling thread", "[cuda][densifier][threads]") {
   const std::thread::id here = std::this_thread::get_id();
   int elsewhere = 0;
   DensifierCallbacks callbacks;
@@ -245,7 +245,7 @@ TEST_CASE("callbacks come on the thread that calls", "[cuda][densifier][threads]
   CHECK(elsewhere == 0);
 }
 
-TEST_CASE("callbacks may be absent on the device", "[cuda][densifier][small]") {
+TEST_CASE("callbacks are optional on the device", "[cuda][densifier][small]") {
   const synth::Mission mission = tiny_mission();
   const Recording all = densify(mission, cuda_options(kTinyWidth));
   for (int given = 0; given < 8; ++given) {
@@ -289,7 +289,7 @@ TEST_CASE("after flush a new sequence starts on the device", "[cuda][densifier][
   }
 }
 
-TEST_CASE("after cancel nothing more is handed out by the device", "[cuda][densifier][threads]") {
+TEST_CASE("after cancel the device delivers no result", "[cuda][densifier][threads]") {
   for (const bool pipelined : {false, true}) {
     for (const std::size_t at : {std::size_t{1}, std::size_t{3}, std::size_t{7}}) {
       CAPTURE(pipelined, at);
@@ -317,7 +317,7 @@ TEST_CASE("after cancel nothing more is handed out by the device", "[cuda][densi
   }
 }
 
-TEST_CASE("images of other sizes, with padded rows, with and without mask follow each other",
+TEST_CASE("images of different sizes and padded rows with and without mask follow each other",
           "[cuda][densifier][small]") {
   const synth::Mission mission = tiny_mission();
   const synth::Mission finer = synth::empty_room(small_recipe(2 * kTinyWidth, 4));
@@ -344,7 +344,7 @@ TEST_CASE("images of other sizes, with padded rows, with and without mask follow
   CHECK(same(plain, run(Backend::kCuda, true)));
 }
 
-TEST_CASE("sizes of the depth maps may come from the first image", "[cuda][densifier][small]") {
+TEST_CASE("automatic depth map sizes follow the first image", "[cuda][densifier][small]") {
   const synth::Mission mission = tiny_mission();
   DensifierOptions options = cuda_options(kTinyWidth);
   options.width = 0;
@@ -358,7 +358,7 @@ TEST_CASE("sizes of the depth maps may come from the first image", "[cuda][densi
   CHECK(same(recording, densify(mission, cuda_options(kEnlarged))));
 }
 
-TEST_CASE("keyframes without landmarks and alone give no depth map", "[cuda][densifier][small]") {
+TEST_CASE("keyframes without landmarks or alone give no depth map", "[cuda][densifier][small]") {
   Recording recording;
   DensifierOptions options = cuda_options(kTinyWidth);
   options.advanced.view_filter.enabled = false;
@@ -403,14 +403,14 @@ TEST_CASE("statistics count pixels and seconds of the device", "[cuda][densifier
   }
 }
 
-TEST_CASE("a device that is not there is named", "[cuda][densifier][small]") {
+TEST_CASE("a missing device is named", "[cuda][densifier][small]") {
   DensifierOptions options = cuda_options();
   options.devices = {217};
   CHECK_THROWS_AS(Densifier(options, {}), BackendUnavailable);
   CHECK_THROWS_WITH(Densifier(options, {}), Catch::Contains("217") && Catch::Contains("auto"));
 }
 
-TEST_CASE("auto takes the device, and the CPU where it cannot, and says why", "[cuda][densifier][small]") {
+TEST_CASE("auto selects the device or else the CPU with the reason", "[cuda][densifier][small]") {
   DensifierOptions options = fast_options(kTinyWidth);
   options.backend = Backend::kAuto;
   const synth::Mission mission = tiny_mission();

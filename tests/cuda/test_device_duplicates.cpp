@@ -21,13 +21,13 @@ namespace {
 constexpr int kRounds = 4;
 constexpr std::size_t kAgreeBytes = 1;
 
-/// Depth maps of a mission, and their way to points on both machines; everybody asks everybody.
+/// Depth maps of a mission and their points on host and device; each keyframe is compared with all others.
 struct Flight {
   explicit Flight(int width, int keyframes) : mission(synth::sphere_inside(small_recipe(width, keyframes))) {
     maps = truth_maps(mission);
     for (std::size_t k = 0; k < maps.size(); ++k) {
       DepthMap& map = maps[k];
-      for (std::size_t i = 0; i < map.depth.size(); ++i) {  // wavy, with floaters, holes, and doubts
+      for (std::size_t i = 0; i < map.depth.size(); ++i) {  // wavy, with floaters, holes, and low confidences
         float& depth = map.depth.pixels()[i];
         if (!(depth > 0.0F)) continue;
         depth *= 1.0F + 0.002F * std::sin(0.37F * static_cast<float>(i) + static_cast<float>(k));
@@ -301,12 +301,12 @@ void check_same(const Flight& flight) {
 
 }  // namespace
 
-TEST_CASE("ownership on the device is that of the host", "[cuda][ownership]") {
+TEST_CASE("duplicate removal on the device equals that of the host", "[cuda][ownership]") {
   const Flight flight(320, 5);
   check_same(flight);
 }
 
-TEST_CASE("ownership of a small flight on the device is that of the host", "[cuda][ownership][small]") {
+TEST_CASE("duplicate removal of a small mission on the device equals that of the host", "[cuda][ownership][small]") {
   const Flight flight(64, 3);
   check_same(flight);
 }

@@ -74,7 +74,7 @@ TEST_CASE("host and device draw the same random numbers", "[cuda][kernels][small
   CHECK(found.host[0] != found.host[2]);
 }
 
-TEST_CASE("host and device make the same planes of the same draws", "[cuda][kernels][small]") {
+TEST_CASE("host and device make the same planes from the same draws", "[cuda][kernels][small]") {
   const Both found = planes(kCount);
   for (int value = 0; value < 6; ++value) {
     INFO("value " << value);

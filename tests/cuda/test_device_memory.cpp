@@ -14,7 +14,7 @@ using namespace pmsp::test;
 
 namespace {
 
-/// Takes the device's memory but for about `left` bytes. (Not to be used while others need the device.)
+/// Allocates all device memory except about `left` bytes. (Not to be used while others need the device.)
 class Hog {
  public:
   explicit Hog(std::size_t left) {
@@ -59,7 +59,7 @@ DensifierOptions wide_options() {
 
 }  // namespace
 
-TEST_CASE("the estimate of the memory covers what a short flight takes, and is not much more", "[cuda][memory]") {
+TEST_CASE("the memory estimate covers a short mission without much excess", "[cuda][memory]") {
   constexpr int kImageWidth = 320;
   const synth::Mission mission = synth::empty_room(small_recipe(kImageWidth, 7));
   DensifierOptions options = preset(Quality::kNormal);
@@ -78,7 +78,7 @@ TEST_CASE("the estimate of the memory covers what a short flight takes, and is n
   CHECK(taken > predicted / 10 * 7);
 }
 
-TEST_CASE("what does not find room on the device waits in the scratch folder, and nothing else changes",
+TEST_CASE("results that exceed device memory are spilled to the scratch directory without other changes",
           "[cuda][memory]") {
   const pmsp_test::TempDir dir;
   const synth::Mission mission = synth::empty_room(small_recipe(320, 7));
@@ -99,7 +99,7 @@ TEST_CASE("what does not find room on the device waits in the scratch folder, an
   CHECK_THROWS_WITH(Densifier(options, {}), Catch::Contains("scratch_folder"));
 }
 
-TEST_CASE("without enough memory auto takes the CPU, and cuda says how much it takes", "[cuda][memory]") {
+TEST_CASE("without enough memory auto selects the CPU and cuda reports the memory needed", "[cuda][memory]") {
   DensifierOptions options = preset(Quality::kOnline);
   options.width = 2880;
   options.height = 1440;
@@ -115,7 +115,7 @@ TEST_CASE("without enough memory auto takes the CPU, and cuda says how much it t
   CHECK_THAT(densifier.backend(), Catch::Contains("MiB"));
 }
 
-TEST_CASE("what the memory held before does not matter", "[cuda][memory]") {
+TEST_CASE("the previous content of device memory has no effect", "[cuda][memory]") {
   const synth::Mission mission = synth::empty_room(small_recipe(kWide, 4));
   const DensifierOptions options = wide_options();
   const Recording expected = densify(mission, options);
@@ -129,7 +129,7 @@ TEST_CASE("what the memory held before does not matter", "[cuda][memory]") {
   }
 }
 
-TEST_CASE("memory that runs out in flight is a DeviceError, and the next Densifier works", "[cuda][memory]") {
+TEST_CASE("memory exhausted during a mission is a DeviceError and the next Densifier works", "[cuda][memory]") {
   const synth::Mission mission = synth::empty_room(small_recipe(kWide, 4));
   const DensifierOptions options = wide_options();
   const Recording expected = densify(mission, options);

@@ -18,7 +18,7 @@ using namespace pmsp::test;
 
 namespace {
 
-/// As much of a processor as mirrors take.
+/// The part of a processor that mirror removal uses.
 struct Plain {
   kernels::GridView view;
 
@@ -36,7 +36,7 @@ struct Plain {
 
 }  // namespace
 
-TEST_CASE("mirrors on the device are those of the host", "[cuda][mirrors]") {
+TEST_CASE("mirror images on the device equal those of the host", "[cuda][mirrors]") {
   const synth::Mission room = synth::empty_room(small_recipe(160, 5));
   std::vector<DepthMap> maps = truth_maps(room);
   const std::vector<std::size_t> ghosts = look_through_floor(maps[2], room.scene, 0.3, 2.5);

@@ -19,7 +19,7 @@ using Ids = std::vector<std::int64_t>;
 
 }  // namespace
 
-TEST_CASE("pieces of a mission give on the device what it gives as a whole", "[cuda][pieces]") {
+TEST_CASE("parts of a mission give the results of the whole mission on the device", "[cuda][pieces]") {
   for (SmallMission& mission : small_missions()) {
     mission.options.backend = Backend::kCuda;
     const ResultsById whole = by_id(whole_run(mission));
@@ -36,7 +36,7 @@ TEST_CASE("pieces of a mission give on the device what it gives as a whole", "[c
   }
 }
 
-TEST_CASE("any order of the tasks that are ready gives the same bytes on the device", "[cuda][pieces]") {
+TEST_CASE("any order of the ready tasks gives the same bytes on the device", "[cuda][pieces]") {
   for (SmallMission& mission : small_missions()) {
     mission.options.backend = Backend::kCuda;
     const ResultsById whole = by_id(whole_run(mission));
@@ -58,8 +58,7 @@ TEST_CASE("any order of the tasks that are ready gives the same bytes on the dev
   }
 }
 
-TEST_CASE("photos whose images are asked for again, or wait in a scratch folder, give the same on the device",
-          "[cuda][pieces]") {
+TEST_CASE("images requested again or spilled to disk give the same results on the device", "[cuda][pieces]") {
   const pmsp_test::TempDir dir;
   for (SmallMission& mission : small_missions()) {
     if (!mission.options.unordered) continue;
@@ -70,12 +69,12 @@ TEST_CASE("photos whose images are asked for again, or wait in a scratch folder,
     PlannedDensifier densifier(mission.options, plan_of(mission), ids_of(mission.keyframes), recording.callbacks());
     densifier.run([&](std::int64_t id) { return keyframe_of(mission, id); });
     CHECK(difference(by_id(recording), expected) == "");
-    mission.options.scratch_folder = dir.path().string();  // flights do without it where the device suffices
+    mission.options.scratch_folder = dir.path().string();  // missions do not spill if device memory suffices
     CHECK(difference(by_id(whole_run(mission)), expected) == "");
   }
 }
 
-TEST_CASE("keyframes with units of their own give the same surfaces on the device", "[cuda][pieces]") {
+TEST_CASE("keyframes of different scales give the same surfaces on the device", "[cuda][pieces]") {
   for (SmallMission& mission : small_missions()) {
     mission.options.backend = Backend::kCuda;
     const ResultsById plain = by_id(whole_run(mission));

@@ -280,7 +280,7 @@ TEST_CASE("CUDA and CPU agree with a mask", "[cuda][parity]") {
   }
 }
 
-TEST_CASE("CUDA and CPU agree with any number of neighbours", "[cuda][parity]") {
+TEST_CASE("CUDA and CPU agree with any number of source views", "[cuda][parity]") {
   const synth::Mission mission = synth::empty_room(recipe_of(320, 160, 9));
   // A coarse map: 1 % of depth is a small part of a pixel. Two seeds of one backend: 0.936, 0.956, 0.958, 0.973.
   const std::map<int, double> least_equal = {{1, 0.95}, {3, 0.963}, {4, 0.964}, {8, 0.97}};

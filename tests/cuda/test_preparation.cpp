@@ -75,7 +75,7 @@ TEST_CASE("a smooth panorama is read back from the texture, on all faces", "[cud
   }
 }
 
-TEST_CASE("colours are the CPU's", "[cuda][prepare][small]") {
+TEST_CASE("colours equal the CPU's", "[cuda][prepare][small]") {
   for (const Sizes& size : sizes()) {
     CAPTURE(size.image_width, size.image_height, size.width, size.height);
     synth::Recipe recipe = small_recipe(size.image_width, 1);
@@ -104,7 +104,7 @@ TEST_CASE("colours are the CPU's", "[cuda][prepare][small]") {
   }
 }
 
-TEST_CASE("gray values on the cube are the CPU's", "[cuda][prepare][small]") {
+TEST_CASE("gray values on the cube equal the CPU's", "[cuda][prepare][small]") {
   // Enlarged, so that it hardly matters that texels lie elsewhere.
   const synth::Mission mission = synth::sphere_inside(small_recipe(128));
   ThreadPool pool(1);
@@ -138,7 +138,7 @@ TEST_CASE("gray values on the cube are the CPU's", "[cuda][prepare][small]") {
   CHECK(rms < 0.05 * deviation);
 }
 
-TEST_CASE("patches stay away from the mask as on the CPU", "[cuda][prepare][small]") {
+TEST_CASE("patches keep the same distance from the mask as on the CPU", "[cuda][prepare][small]") {
   const synth::Mission mission = synth::sphere_inside(small_recipe(512));
   const ImageView<const Rgb> image = mission.frames[0].image.view();
   const Image<std::uint8_t> mask = blotchy_mask(512, 256);

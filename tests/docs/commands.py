@@ -67,7 +67,7 @@ def set_up():
 
 
 def prepare(words):
-    """Removes outputs of earlier commands, and makes depth maps that come from elsewhere."""
+    """Removes outputs of earlier commands, and creates the prior depth maps."""
     if "batch" in words:
         return
     for flag, name in zip(words, words[1:]):

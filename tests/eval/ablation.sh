@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-2-Clause
-# ablation.sh ABLATION BUILD WORK: the report of a tiny synthetic mission, some rows of it again, and what must be refused.
+# ablation.sh ABLATION BUILD WORK: the report of a tiny synthetic mission, some rows of it again, and invalid arguments.
 set -euo pipefail
 ablation=$1 build=$2 work=$3
 rm -rf "$work"
@@ -9,7 +9,7 @@ fail() {
   echo "ablation.sh: $1" >&2
   exit 1
 }
-report() { # ROWS: runs them on the mission that the rest of the arguments name
+report() { # ROWS: runs them on the mission named by the other arguments
   "$ablation" --build "$build" -o "$work" --only "$1" "${@:2}"
 }
 refused() { # MESSAGE ARGUMENTS...

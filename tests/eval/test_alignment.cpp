@@ -48,7 +48,7 @@ TEST_CASE("alignment recovers the similarity between map and truth") {
 }
 
 TEST_CASE("umeyama never mirrors") {
-  // The best orthogonal fit of a mirrored set has determinant -1; a rotation is asked for all the same.
+  // The best orthogonal fit of a mirrored set has determinant -1; a rotation is required.
   const std::vector<Eigen::Vector3d> source = {{0, 0, 0}, {1, 0, 0}, {0, 2, 0}, {0, 0, 3}};
   std::vector<Eigen::Vector3d> target = source;
   for (auto& p : target) p.x() = -p.x();
@@ -68,7 +68,7 @@ TEST_CASE("a straight path is aligned by its orientations") {
   check_same(a.truth_from_map, f.truth_from_map(), 1e-9);
 }
 
-TEST_CASE("residuals say how far the poses are off") {
+TEST_CASE("residuals are the position and rotation errors of the poses") {
   Flight f = flight();
   auto keyframes = f.keyframes();
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.01, Eigen::Vector3d::UnitY()).toRotationMatrix();
@@ -111,14 +111,14 @@ TEST_CASE("keyframes are matched by time") {
   }
 }
 
-TEST_CASE("a map that stands still cannot be aligned") {
+TEST_CASE("a map without motion cannot be aligned") {
   Flight f = flight();
   auto keyframes = f.keyframes();
   for (auto& keyframe : keyframes) keyframe.world_from_cam.translation = Eigen::Vector3d(1, 2, 3);
   CHECK(message_of(keyframes, f.truth()).find("cannot be aligned") != std::string::npos);
 }
 
-TEST_CASE("without alignment the frames are taken as one") {
+TEST_CASE("without alignment the frames are assumed equal") {
   Flight f = flight();
   AlignmentOptions options;
   options.enabled = false;

@@ -62,7 +62,7 @@ TEST_CASE("deciles of a known distribution have its quantiles") {
   CHECK(half.within == Approx((0.3 + 0.8 + 3.0) / 5.0));
 }
 
-TEST_CASE("the verdict says what falls and how far the worst rise goes") {
+TEST_CASE("the verdict states whether errors fall and the largest rise") {
   auto falling = groups(kFalling);
   const Monotone good = calibrate(falling).plain.monotone;
   CHECK(good.median);
@@ -132,7 +132,7 @@ TEST_CASE("errors near the poles count by their solid angle") {
   CHECK(c.solid_angle.confident_half.error_p90 == Approx(0.01));
 }
 
-TEST_CASE("pixels without error or confidence are left out, and large maps can be thinned") {
+TEST_CASE("pixels without error or confidence are skipped and large maps can be thinned") {
   Image<float> error(8, 4, 0.01F);
   Image<float> confidence(8, 4, 0.5F);
   error(3, 1) = std::numeric_limits<float>::quiet_NaN();

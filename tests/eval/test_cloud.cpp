@@ -136,7 +136,7 @@ TEST_CASE("half a cloud is half complete and fully accurate") {
   CHECK(view.correct->of_hit == 1.0);
 }
 
-TEST_CASE("points that occur twice change nothing") {
+TEST_CASE("duplicate points change nothing") {
   const Bench bench(Flight(pmsp_test::sphere(4.0), 5, 0.15));
   auto points = in_map(bench.flight, pmsp_test::sphere_points(4.02, 0.05));
   const auto once = bench.measure(points);
@@ -196,7 +196,7 @@ TEST_CASE("outliers lower accuracy only") {
   CHECK(at(measures.relative, 0.05).completeness == 1.0);
 }
 
-TEST_CASE("true surface samples lie on the surface and weigh what was seen") {
+TEST_CASE("true surface samples lie on the surface and are weighted by the observed area") {
   const Bench bench(Flight(pmsp_test::sphere(4.0), 3, 0.15));
   REQUIRE(bench.surface.positions.size() > 5000);
   REQUIRE(bench.surface.normals.size() == bench.surface.positions.size());
@@ -238,7 +238,7 @@ TEST_CASE("clouds without a usable point are refused") {
   CHECK(cloud.points.size() == 1);
 }
 
-TEST_CASE("surface out of range of all keyframes does not count, and all of it cannot") {
+TEST_CASE("surface out of range of all keyframes is ignored and must not be all of it") {
   Bench bench(Flight(pmsp_test::sphere(4.0), 3, 0.15));
   bench.measure_options.max_range_m = 3.0;
   CHECK_THROWS_WITH(bench.measure(bench.flight.points(20)), Catch::Contains("--max-range"));

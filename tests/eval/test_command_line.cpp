@@ -44,7 +44,7 @@ class Mission {
     }
   }
 
-  /// Runs pmsp-eval and returns its exit code; what it wrote is in `out` and `err`.
+  /// Runs pmsp-eval and returns its exit code; its output is in `out` and `err`.
   int run(const std::string& arguments) {
     const std::string command =
         "cd '" + folder.path().string() + "' && '" + PMSP_EVAL_TOOL + "' " + arguments + " > stdout.txt 2> stderr.txt";
@@ -159,7 +159,7 @@ TEST_CASE("a cloud is measured from a trajectory") {
                       std::filesystem::directory_iterator()) == 2);
 }
 
-TEST_CASE("a map with Unix times needs an offset, and is told which") {
+TEST_CASE("a map with Unix times needs an offset and the error suggests it") {
   Mission m;
   const std::string command = "depth depth --gt gt --map map.msg --json -";
   CHECK(m.run(command) == 3);
@@ -233,7 +233,7 @@ TEST_CASE("confidence beside the depth maps gives a calibration and its plot") {
   CHECK_THAT(m.err, Catch::Contains("confidence_000042.pfm") && Catch::Contains("8 x 4"));
 }
 
-TEST_CASE("the transform that a cloud's header names is undone, or it is refused") {
+TEST_CASE("the transform in a cloud's header is inverted or refused") {
   Mission m;
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.7, Eigen::Vector3d(1.0, 2.0, 3.0).normalized()).toRotationMatrix();
   const pmsp::Similarity file_from_map{2.5, turn, {10.0, -20.0, 30.0}};

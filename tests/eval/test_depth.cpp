@@ -118,7 +118,7 @@ TEST_CASE("the truth of a pixel is the value at its centre") {
   CHECK(error(1, 1) == Approx((known(4, 4) - 1.0F) / known(4, 4)));
 }
 
-TEST_CASE("a depth map's own scale is the one that most of it has") {
+TEST_CASE("a depth map's own scale is that of most of its pixels") {
   Image<float> depth = truth();
   for (float& value : depth.pixels()) value *= 0.5F;
   CHECK(own_scale(depth, truth()) == Approx(2.0));
@@ -128,7 +128,7 @@ TEST_CASE("a depth map's own scale is the one that most of it has") {
   CHECK_THROWS_AS(own_scale(Image<float>(kWidth, kHeight), truth()), InvalidInput);
 }
 
-TEST_CASE("between pixels of one surface the truth is interpolated, at an edge it is the nearest pixel's") {
+TEST_CASE("the truth is interpolated on a surface and taken from the nearest pixel at an edge") {
   // Inverse range grows evenly from column to column, but for an edge and a hole.
   Image<float> known(kWidth, kHeight);
   for (int y = 0; y < kHeight; ++y) {

@@ -31,7 +31,7 @@ TEST_CASE("a TUM trajectory survives writing and reading") {
   CHECK(folder.entries() == 1);
 }
 
-TEST_CASE("broken trajectories name their line") {
+TEST_CASE("errors in trajectories name their line") {
   const TempDir folder;
   const auto path = folder / "k.txt";
   CHECK_THROWS_AS(read_tum(path), pmsp::IoError);

@@ -68,7 +68,7 @@ TEST_CASE("known errors give exact shares by label") {
   CHECK(measured(estimate, truth, labels, options).at(kAllLabels).pixels == 0.0);
 }
 
-TEST_CASE("a thin thing that is lost is missing or wrong, one that has grown is seen beside it, across the seam") {
+TEST_CASE("a lost thin structure is missing or wrong and a grown one is measured beside it across the seam") {
   Image<float> truth(kWidth, kHeight, 3.0F);
   Image<std::uint8_t> labels(kWidth, kHeight);
   for (int y = 15; y < 25; ++y) {
@@ -101,7 +101,7 @@ TEST_CASE("a thin thing that is lost is missing or wrong, one that has grown is 
   CHECK(more.grown_share() == Approx(20.0 / (6.0 * 10.0 + 7.0 * 6.0)).epsilon(0.02));
 }
 
-TEST_CASE("what has grown from a thin thing is the same in any unit of the estimates") {
+TEST_CASE("growth of thin structures is the same in any unit of the estimates") {
   const Image<float> truth(kWidth, kHeight, 3.0F);
   Image<float> thing = truth;
   Image<float> estimate(kWidth, kHeight, 6.0F);
@@ -118,7 +118,7 @@ TEST_CASE("what has grown from a thin thing is the same in any unit of the estim
         Approx(10.0 / (2.0 * 10.0 + 2.0 * 3.0)).epsilon(0.02));
 }
 
-TEST_CASE("points count as behind only where they are from every view") {
+TEST_CASE("points count as behind only if they are behind in every view") {
   // Two views of a sphere; the second one sees an obstacle at 1 m instead of it ahead, where x and y are small.
   const int height = 60;
   const auto view = [&](double along_x) {
@@ -150,7 +150,7 @@ TEST_CASE("points count as behind only where they are from every view") {
   CHECK(share(1.2F * ahead).at(kAllLabels) == 0);
 }
 
-TEST_CASE("a view that knows nothing in a direction keeps no point from counting as behind") {
+TEST_CASE("a view without truth in a direction does not prevent a point from counting as behind") {
   std::vector<TrueView> views(2);
   for (TrueView& view : views) view.range = Image<float>(kWidth, kHeight, 4.0F);
   const Eigen::Vector3f beyond(0.5F, 0.2F, 5.0F);
@@ -196,7 +196,7 @@ TEST_CASE("label images are found beside the range maps and reach the measures o
   CHECK_THROWS_AS(GroundTruth::load_labels(truth.range_maps()[2]), pmsp::InvalidInput);
 }
 
-TEST_CASE("estimates of sky and riders are wrong, and do not count as pixels with truth") {
+TEST_CASE("estimates of sky and riders are wrong and do not count as pixels with truth") {
   Image<float> truth(kWidth, kHeight, 2.0F);
   Image<float> estimate = truth;
   Image<std::uint8_t> labels(kWidth, kHeight);
@@ -217,7 +217,7 @@ TEST_CASE("estimates of sky and riders are wrong, and do not count as pixels wit
   CHECK(table.at(kAllLabels).wrong_share() == 0.0);
 }
 
-TEST_CASE("points in front of sky and movers are counted, those on what is behind a mover are not") {
+TEST_CASE("points in front of sky and movers are counted and those on the surface behind are not") {
   TrueView view;
   view.range = Image<float>(kWidth, kHeight, 4.0F);
   view.labels = Image<std::uint8_t>(kWidth, kHeight);

@@ -33,7 +33,7 @@ TEST_CASE("the nearest point is the nearest of all") {
   }
 }
 
-TEST_CASE("nothing is nearest among no points") {
+TEST_CASE("an empty set has no nearest point") {
   const std::vector<Eigen::Vector3f> none;
   CHECK_FALSE(NearestPoint(none).find(Eigen::Vector3f::Zero()).has_value());
 }
@@ -56,7 +56,7 @@ TEST_CASE("indices are spread evenly") {
   CHECK(spread_indices(0, 3).empty());
 }
 
-TEST_CASE("parallel work covers everything once and hands on errors") {
+TEST_CASE("parallel work covers everything once and propagates errors") {
   std::vector<std::atomic<int>> visits(1003);
   parallel_chunks(visits.size(), 10, 4, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) ++visits[i];

@@ -44,7 +44,7 @@ inline pmsp::CloudHeader sample_header() {
   return header;
 }
 
-/// A little-endian number at a place of a text. Throws where the text ends before.
+/// A little-endian number at an offset of a text. Throws if the text is too short.
 template <class T>
 T number_at(const std::string& bytes, std::size_t at) {
   if (at + sizeof(T) > bytes.size()) throw std::runtime_error("the file ends before byte " + std::to_string(at));

@@ -56,7 +56,7 @@ void killed_after(const Work& work) {
 
 }  // namespace
 
-TEST_CASE("a folder appears with all its files, or not at all") {
+TEST_CASE("a directory appears with all its files or not at all") {
   const TempDir dir;
   { write_all(AtomicFolder(dir / "sub/out", is_own), "given up"); }
   CHECK_FALSE(fs::exists(dir / "sub/out"));
@@ -69,7 +69,7 @@ TEST_CASE("a folder appears with all its files, or not at all") {
   CHECK(std::distance(fs::directory_iterator(dir / "sub"), fs::directory_iterator()) == 1);
 }
 
-TEST_CASE("in a folder that exists own files are replaced, others stay") {
+TEST_CASE("in an existing directory own files are replaced and others kept") {
   const TempDir dir;
   fs::create_directories(dir / "out/images");
   for (const char* name : {"a", "b", "notes", "images/1.png", "images/notes"}) write_text(dir / "out" / name, "old");
@@ -87,7 +87,7 @@ TEST_CASE("in a folder that exists own files are replaced, others stay") {
   CHECK(read_text(dir / "out/images/notes") == "old");
 }
 
-TEST_CASE("what a killed process leaves is taken up under the same name, and is no folder's content") {
+TEST_CASE("the remains of a killed process are recovered under the same name only") {
   const TempDir dir;
   killed_after([&] { write_all(AtomicFolder(dir / "out", is_own), "killed"); });
   killed_after([&] {
@@ -118,7 +118,7 @@ TEST_CASE("what a killed process leaves is taken up under the same name, and is 
   }
 }
 
-TEST_CASE("a process that is killed while files go to their places leaves a folder that is taken up") {
+TEST_CASE("a process killed while renaming files leaves a recoverable directory") {
   const TempDir dir;
   fs::create_directories(dir / "out/.whole");
   for (const char* name : {"out/a", "out/notes", "out/.whole/index.json", "out/.whole/lock"}) {
@@ -132,7 +132,7 @@ TEST_CASE("a process that is killed while files go to their places leaves a fold
   CHECK(read_text(dir / "out/notes") == "killed");
 }
 
-TEST_CASE("folders of others that are called like an unfinished one are refused, and stay") {
+TEST_CASE("foreign directories named like an unfinished one are refused and kept") {
   const TempDir dir;
   for (const char* name : {"mine", "a"}) {
     fs::create_directories(dir / "out.part");
@@ -148,7 +148,7 @@ TEST_CASE("folders of others that are called like an unfinished one are refused,
   CHECK_THROWS_AS(AtomicFolder(dir / "file", is_own), OutputError);
 }
 
-TEST_CASE("a symbolic link stays, what it leads to is written") {
+TEST_CASE("a symbolic link is kept and its target is written") {
   const TempDir dir;
   fs::create_directory(dir / "there");
   for (const char* name : {"file", "there/none"}) {

@@ -76,7 +76,7 @@ CloudFrame aligned(const std::filesystem::path& file, const SlamMap& map, double
 
 }  // namespace
 
-TEST_CASE("control points, camera places and a trajectory each give the frame, with residuals of nothing") {
+TEST_CASE("control points and camera positions and a trajectory each give the frame with zero residuals") {
   const TempDir dir;
   const SlamMap map = flight();
   std::string points = "# NAME x y z X Y Z\n", places;
@@ -101,7 +101,7 @@ TEST_CASE("control points, camera places and a trajectory each give the frame, w
   CHECK(aligned(dir / "points", map).residuals[3].name == "P30");
 }
 
-TEST_CASE("places are given by the names of images, behind a mark, with a line of names and other images between") {
+TEST_CASE("camera positions are read by image name with a byte order mark and a header and other images") {
   const TempDir dir;
   SlamMap map = flight();
   ImageFiles files;
@@ -134,7 +134,7 @@ TEST_CASE("places are given by the names of images, behind a mark, with a line o
   CHECK_THROWS_WITH(find_cloud_frame(options, map, files), Contains("latitude and longitude") && Contains("metres"));
 }
 
-TEST_CASE("a trajectory in nanoseconds with w first aligns as one of TUM does, one without times is refused") {
+TEST_CASE("a trajectory in nanoseconds with w first aligns like TUM and one without times is refused") {
   const TempDir dir;
   const SlamMap map = flight();
   std::string text = "#timestamp [ns],p_x,p_y,p_z,q_w,q_x,q_y,q_z\n";
@@ -154,7 +154,7 @@ TEST_CASE("a trajectory in nanoseconds with w first aligns as one of TUM does, o
   CHECK_THROWS_WITH(aligned(dir / "kitti", map), Contains("no times"));
 }
 
-TEST_CASE("a wrong control point shows in the residuals, by its name") {
+TEST_CASE("a wrong control point appears in the residuals by name") {
   const TempDir dir;
   std::string text;
   for (int i = 0; i < 8; ++i) {
@@ -169,7 +169,7 @@ TEST_CASE("a wrong control point shows in the residuals, by its name") {
   CHECK((frame.residual_rms() > 0.05 && frame.residual_rms() < frame.residual_max()));
 }
 
-TEST_CASE("between the poses of a trajectory the place of a camera is interpolated") {
+TEST_CASE("camera positions are interpolated between poses of a trajectory") {
   const TempDir dir;
   SlamMap map = flight();
   write_text(dir / "tum", trajectory(map, 0.0, true));
@@ -183,7 +183,7 @@ TEST_CASE("between the poses of a trajectory the place of a camera is interpolat
   CHECK(frame.residuals.size() == 12);
 }
 
-TEST_CASE("on a straight flight the orientations of a trajectory decide, and places alone are refused") {
+TEST_CASE("on a straight flight the orientations of a trajectory are used and positions alone are refused") {
   const TempDir dir;
   const SlamMap map = flight(true);
   write_text(dir / "tum", trajectory(map, 0.0, false));
@@ -192,7 +192,7 @@ TEST_CASE("on a straight flight the orientations of a trajectory decide, and pla
   CHECK_THROWS_WITH(aligned(dir / "places", map), Contains("on a line"));
 }
 
-TEST_CASE("tables that are none are refused with file and line") {
+TEST_CASE("invalid tables are refused with file and line") {
   const TempDir dir;
   const std::vector<std::pair<std::string, std::string>> cases{
       {"", "contains no line"},
@@ -214,7 +214,7 @@ TEST_CASE("tables that are none are refused with file and line") {
   CHECK_THROWS_AS(aligned(dir / "none", flight()), IoError);
 }
 
-TEST_CASE("a 4 x 4 matrix is taken where it is a similarity, and the scale is applied after it") {
+TEST_CASE("a 4 x 4 matrix must be a similarity and the scale is applied after it") {
   const TempDir dir;
   write_text(dir / "m", "0 -2 0 10\n2 0 0 20\n0 0 2 30\n0 0 0 1\n");
   FrameOptions options;
@@ -232,7 +232,7 @@ TEST_CASE("a 4 x 4 matrix is taken where it is a similarity, and the scale is ap
   }
 }
 
-TEST_CASE("a 4 x 4 matrix is applied to what is upright already") {
+TEST_CASE("a 4 x 4 matrix is applied after the upright rotation") {
   const TempDir dir;
   write_text(dir / "m", "0 -2 0 10\n2 0 0 20\n0 0 2 30\n0 0 0 1\n");
   FrameOptions options;
@@ -243,7 +243,7 @@ TEST_CASE("a 4 x 4 matrix is applied to what is upright already") {
   check_same(both, read_similarity(dir / "m") * upright, 1e-9);
 }
 
-TEST_CASE("up is what the cameras' ups have in common") {
+TEST_CASE("up is the consensus of the cameras' up vectors") {
   SlamMap map = flight();
   FrameOptions options;
   options.up = true;

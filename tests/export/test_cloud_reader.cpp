@@ -29,7 +29,7 @@ std::vector<OutputPoint> all_points(CloudReader& cloud) {
   return all;
 }
 
-/// A LAS of a version, format and record length, all of it 0 but for what makes it sound.
+/// A LAS file of a version, format and record length, all of it 0 except required fields.
 std::string las(std::uint8_t minor, std::uint8_t format, std::uint16_t record, std::uint32_t count) {
   const std::size_t header = minor == 4 ? 375 : minor == 3 ? 235 : 227;
   std::string text(header + std::size_t{record} * count, '\0');
@@ -57,7 +57,7 @@ CloudInfo info_of(const std::vector<std::string>& comments) {
 
 }  // namespace
 
-TEST_CASE("what is written as PLY, LAS or Potree is read back, in equal points") {
+TEST_CASE("clouds written as PLY or LAS or Potree are read back with equal points") {
   const TempDir dir;
   std::vector<OutputPoint> points = sample_points(40000);
   CloudHeader header = sample_header();
@@ -83,7 +83,7 @@ TEST_CASE("what is written as PLY, LAS or Potree is read back, in equal points")
   const auto before = [](const OutputPoint& a, const OutputPoint& b) {
     return std::pair(a.confidence, a.normal.x()) < std::pair(b.confidence, b.normal.x());
   };
-  std::sort(points.begin(), points.end(), before);  // an octree has an order of its own
+  std::sort(points.begin(), points.end(), before);  // an octree has its own order
   std::sort(read.begin(), read.end(), before);
   std::size_t wrong = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -97,7 +97,7 @@ TEST_CASE("what is written as PLY, LAS or Potree is read back, in equal points")
   CHECK((box->second - Eigen::Vector3d(1010.0, -495.0, 32.0)).norm() < 0.1);
 }
 
-TEST_CASE("LAS of other versions and formats: positions, and colours of 16 or 8 bits") {
+TEST_CASE("LAS of other versions and formats gives positions and colours of 16 or 8 bits") {
   struct Kind {
     std::uint8_t minor, format;
     std::uint16_t bytes;
@@ -124,7 +124,7 @@ TEST_CASE("LAS of other versions and formats: positions, and colours of 16 or 8 
   CHECK(points[1].color == (kind.colors > 0 ? Rgb{255, 0, 0} : Rgb{200, 200, 200}));
 }
 
-TEST_CASE("broken and compressed clouds are refused, and named") {
+TEST_CASE("broken and compressed clouds are refused by name") {
   const TempDir dir;
   const std::string sound = las(2, 2, 26, 3);
   const auto refused = [&](std::string text, std::size_t at, auto value) {
@@ -211,7 +211,7 @@ TEST_CASE("a broken Potree folder is refused") {
   CHECK_THAT(replaced("{", "["), Contains("metadata"));
 }
 
-TEST_CASE("a cloud's comments say its transform and unit") {
+TEST_CASE("a cloud's comments contain its transform and unit") {
   const CloudInfo plain = info_of({"options {}", "frame of the SLAM map, its unit of length; normals face the camera"});
   REQUIRE(plain.file_from_map);
   CHECK(plain.file_from_map->is_identity());
@@ -235,7 +235,7 @@ TEST_CASE("a cloud's comments say its transform and unit") {
   }
 }
 
-TEST_CASE("long comments of a PLY are read as they were given") {
+TEST_CASE("long comments of a PLY are read unchanged") {
   const TempDir dir;
   CloudHeader header = sample_header();
   header.comments = {"options {" + std::string(180, 'a') + "," + std::string(500, 'b') + "}", "short"};

@@ -24,7 +24,7 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-/// What sample_points() are seen from: keyframe i is at i % 5 places.
+/// Keyframes of sample_points(): keyframe i is at i % 5 places.
 std::vector<OutputView> sample_views() {
   std::vector<OutputView> views;
   for (int i = 0; i < 8; ++i) {
@@ -70,7 +70,7 @@ std::vector<OutputPoint> points_with_tracks(std::size_t count) {
   return points;
 }
 
-/// A text that is read from the front.
+/// A sequential reader of a text.
 struct Bytes {
   explicit Bytes(const fs::path& path) : text(read_text(path)) {}
   template <class T>
@@ -185,7 +185,7 @@ struct Model {
 
 }  // namespace
 
-TEST_CASE("a COLMAP model holds cameras, images, points and tracks that belong together") {
+TEST_CASE("a COLMAP model has consistent cameras and images and points and tracks") {
   const TempDir dir;
   const std::vector<OutputPoint> given = points_with_tracks(4000);  // of keyframes 0 to 7
   write("colmap", dir / "m", given);
@@ -233,7 +233,7 @@ TEST_CASE("a COLMAP model holds cameras, images, points and tracks that belong t
   CHECK(listed == sightings);
 }
 
-TEST_CASE("a nerfstudio dataset: its rays meet the points where the images show them") {
+TEST_CASE("rays of a nerfstudio dataset meet the points at their pixels") {
   const TempDir dir;
   const std::vector<OutputPoint> given = points_with_tracks(4000);
   write("nerfstudio", dir / "n", given);
@@ -267,7 +267,7 @@ TEST_CASE("a nerfstudio dataset: its rays meet the points where the images show 
   }
 }
 
-TEST_CASE("datasets of no point and of one, and one that is given up") {
+TEST_CASE("datasets of no point and of one and an aborted one") {
   for (const char* format : {"colmap", "nerfstudio"}) {
     INFO(format);
     const TempDir dir;

@@ -50,7 +50,7 @@ TEST_CASE("a map and its images become a cloud in one call") {
   CHECK(output.points() == stats.points);
 }
 
-TEST_CASE("the work ends where progress asks for it, and what has come stays") {
+TEST_CASE("the progress callback can stop the work and delivered results are kept") {
   const SlamMap map = read_map(kData / "map.msg");
   const auto images = open_image_folder(map, kData / "images");
   DensifyExtras extras;
@@ -58,7 +58,7 @@ TEST_CASE("the work ends where progress asks for it, and what has come stays") {
   CHECK(densify(map, *images, quick(), DensifierCallbacks(), extras).keyframes_added == 2);
 }
 
-TEST_CASE("what cannot give points is refused with what to do") {
+TEST_CASE("input that cannot give points is refused with the remedy") {
   SlamMap map = read_map(kData / "map.msg");
   const auto images = open_image_folder(map, kData / "images");
   SlamMap mirrored = map;

@@ -64,7 +64,7 @@ TEST_CASE("PFM rows go from the bottom to the top, little endian") {
   CHECK(read_text(dir / "d.pfm") == "Pf\n2 2\n-1.0\n" + bytes_of({100.25F, 101.25F, 0.25F, 1.25F}, false));
 }
 
-TEST_CASE("another program sees the same PFM") {
+TEST_CASE("OpenCV reads the same PFM") {
   const TempDir dir;
   write_pfm(dir / "d.pfm", ramp(6, 4));
   const cv::Mat seen = cv::imread((dir / "d.pfm").string(), cv::IMREAD_UNCHANGED);
@@ -110,7 +110,7 @@ TEST_CASE("broken PFM files are refused with a reason") {
   CHECK_THROWS_AS(write_pfm(dir / "no/such.pfm", ramp(2, 2)), OutputError);
 }
 
-TEST_CASE("16-bit PNG holds scaled depth, and 0 for what does not fit") {
+TEST_CASE("16-bit PNG holds scaled depth and 0 for values out of range") {
   const TempDir dir;
   Image<float> image(4, 2, 0.0F);
   image(0, 0) = 1.2344F;
@@ -127,7 +127,7 @@ TEST_CASE("16-bit PNG holds scaled depth, and 0 for what does not fit") {
   CHECK(dir.entries() == 1);
 }
 
-TEST_CASE("8-bit gray PNG is read, colour and rubbish are refused") {
+TEST_CASE("8-bit gray PNG is read and colour and invalid files are refused") {
   const TempDir dir;
   cv::imwrite((dir / "g.png").string(), cv::Mat(2, 3, CV_8UC1, cv::Scalar(7)));
   CHECK(read_png16(dir / "g.png", 2.0)(2, 1) == 14.0F);
@@ -139,7 +139,7 @@ TEST_CASE("8-bit gray PNG is read, colour and rubbish are refused") {
   CHECK_THROWS_AS(write_png16(dir / "z.png", Image<float>(2, 2), 0.0), InvalidInput);
 }
 
-TEST_CASE("an EXR holds its channels as float, by the layout of the format") {
+TEST_CASE("an EXR holds its channels as float in the layout of the format") {
   const TempDir dir;
   Image<float> other(5, 3, 7.5F);
   other(0, 0) = -1.0F;

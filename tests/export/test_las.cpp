@@ -74,7 +74,7 @@ void write(const std::filesystem::path& path, const CloudHeader& header, const s
 
 }  // namespace
 
-TEST_CASE("a LAS file holds each point, by the offsets of the specification") {
+TEST_CASE("a LAS file holds each point at the offsets of the specification") {
   const TempDir dir;
   const std::vector<OutputPoint> points = sample_points(60000);
   CloudHeader header = sample_header();
@@ -118,7 +118,7 @@ TEST_CASE("a LAS file holds each point, by the offsets of the specification") {
   }
 }
 
-TEST_CASE("the bytes of a LAS file hang on the points, not on how they come or when") {
+TEST_CASE("the bytes of a LAS file depend on the points and not on chunks or time") {
   const TempDir dir;
   const std::vector<OutputPoint> points = sample_points(50000);
   write(dir / "a.las", sample_header(), points);
@@ -139,7 +139,7 @@ TEST_CASE("LAS files of no point and of one") {
   CHECK(number_at<double>(one.bytes, 187) == one.coordinate(0, 0));
 }
 
-TEST_CASE("what LAS cannot hold is an error, and leaves no file") {
+TEST_CASE("values that LAS cannot hold are an error and leave no file") {
   const TempDir dir;
   std::vector<OutputPoint> points = sample_points(1);
   points[0].position.x() = 1e6;

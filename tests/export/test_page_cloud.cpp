@@ -77,7 +77,7 @@ std::vector<Read> read(const PageCloud& cloud, double& coarsest) {
 
 }  // namespace
 
-TEST_CASE("a page holds every point where all have room") {
+TEST_CASE("a page holds every point if all fit") {
   const TempDir dir;
   const std::vector<OutputPoint> points = room(200);
   PageCloud cloud(header_in(dir), 100000, {30, 12});
@@ -90,7 +90,7 @@ TEST_CASE("a page holds every point where all have room") {
   std::vector<Read> found = read(cloud, step);
   REQUIRE(found.size() == points.size());
   CHECK(step < 1e-3);
-  // i and k tell each point.
+  // i and k identify each point.
   std::sort(found.begin(), found.end(), [](const Read& a, const Read& b) {
     return std::make_pair(a.color.r, a.color.g) < std::make_pair(b.color.r, b.color.g);
   });
@@ -106,7 +106,7 @@ TEST_CASE("a page holds every point where all have room") {
   for (std::size_t i = 1; i < cloud.nodes().size(); ++i) CHECK(cloud.nodes()[i - 1].level <= cloud.nodes()[i].level);
 }
 
-TEST_CASE("a page that is too small holds the most confident points, evenly spread") {
+TEST_CASE("a page that is too small holds the most confident points evenly spread") {
   const TempDir dir;
   std::vector<OutputPoint> points = room(400);
   std::vector<OutputPoint> worse = points;
@@ -140,7 +140,7 @@ TEST_CASE("a page that is too small holds the most confident points, evenly spre
   CHECK(*most < 1.5 * *least);
 }
 
-TEST_CASE("a page without points, or with room for none, is empty") {
+TEST_CASE("a page without points or without space is empty") {
   const TempDir dir;
   PageCloud none(header_in(dir), 1000, {});
   none.finish();
@@ -166,7 +166,7 @@ TEST_CASE("base64 is that of RFC 4648") {
   CHECK(encoded("\xff\xfe\xfd") == "//79");
 }
 
-TEST_CASE("normals come back from two bytes") {
+TEST_CASE("normals are decoded from two bytes") {
   for (int i = 0; i < 1000; ++i) {
     const double z = 1.0 - 2.0 * (i + 0.5) / 1000.0, turn = 2.4 * i, r = std::sqrt(1.0 - z * z);
     const Eigen::Vector3d normal(r * std::cos(turn), r * std::sin(turn), z);

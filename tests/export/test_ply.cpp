@@ -50,7 +50,7 @@ std::string header(const std::string& format, const std::string& rest) {
 
 }  // namespace
 
-TEST_CASE("a cloud is written at its own pose and scale, or at those that are given") {
+TEST_CASE("a cloud is written with its own or given pose and scale") {
   const TempDir dir;
   KeyframeCloud cloud = sample_cloud(3);
   cloud.scale = 2.0;
@@ -101,7 +101,7 @@ TEST_CASE("a cloud survives writing and reading, in world coordinates") {
   }
 }
 
-TEST_CASE("a large cloud is written in blocks, and none of its points is lost or out of place") {
+TEST_CASE("a large cloud is written in blocks without lost or reordered points") {
   const TempDir dir;
   const KeyframeCloud cloud = sample_cloud(250000);
   CloudOutput writer(dir / "c.ply");
@@ -118,7 +118,7 @@ TEST_CASE("a large cloud is written in blocks, and none of its points is lost or
   CHECK(wrong == 0);
 }
 
-TEST_CASE("a cloud has the same bytes by any number of threads, and where a box holds all of it") {
+TEST_CASE("a cloud has the same bytes for any number of threads and with a box around all points") {
   const TempDir dir;
   const std::string name = GENERATE("ply", "las");
   const KeyframeCloud cloud = sample_cloud(123457);
@@ -138,7 +138,7 @@ TEST_CASE("a cloud has the same bytes by any number of threads, and where a box 
   CHECK(write("boxed", 5, Box{Eigen::Vector3d::Constant(-1e9), Eigen::Vector3d::Constant(1e9)}) == one);
 }
 
-TEST_CASE("a box keeps its points, each where it was, in their order, by any number of threads") {
+TEST_CASE("a box keeps its points unchanged and in order for any number of threads") {
   const TempDir dir;
   KeyframeCloud cloud = sample_cloud(123457);
   std::vector<Eigen::Vector3d> places;
@@ -190,7 +190,7 @@ TEST_CASE("the PLY header is plain for the strictest of readers") {
   CHECK(dir.entries() == 1);
 }
 
-TEST_CASE("positions are doubles where floats are too coarse, or where that is asked for") {
+TEST_CASE("positions are doubles if floats are too coarse or if requested") {
   const TempDir dir;
   const auto type_of_x = [&](const CloudHeader& header) {
     find_cloud_format("ply")->open(dir / "c.ply", header)->finish();
@@ -214,7 +214,7 @@ TEST_CASE("an empty cloud is a valid PLY") {
   CHECK(read_ply(dir / "c.ply").positions.empty());
 }
 
-TEST_CASE("a file holds what was written in the order in which it came, small pieces and large ones") {
+TEST_CASE("a file holds small and large blocks in the order they were written") {
   const TempDir dir;
   std::string all;
   AtomicFile file(dir / "f");
@@ -256,12 +256,12 @@ TEST_CASE("a killed writer leaves the old file") {
   CHECK(read_text(dir / "c.ply") == "old");
 }
 
-TEST_CASE("a full disk is an OutputError that names the file, and the old file stays") {
+TEST_CASE("a full disk is an OutputError that names the file and the old file stays") {
   const TempDir dir;
   write_text(dir / "c.ply", "old");
   const pid_t child = fork();
   REQUIRE(child >= 0);
-  if (child == 0) {  // a limit on file size stands for the full disk
+  if (child == 0) {  // a limit on file size simulates the full disk
     signal(SIGXFSZ, SIG_IGN);
     const rlimit limit{1 << 16, 1 << 16};
     setrlimit(RLIMIT_FSIZE, &limit);
@@ -283,7 +283,7 @@ TEST_CASE("a full disk is an OutputError that names the file, and the old file s
   CHECK(dir.entries() == 1);
 }
 
-TEST_CASE("temporary files that killed runs left, with names of this process, are in nobody's way") {
+TEST_CASE("stale temporary files with names of this process do not interfere") {
   const TempDir dir;
   constexpr int kLeft = 400;  // more than the files that this program has written so far
   for (int i = 0; i < kLeft; ++i) {
@@ -295,7 +295,7 @@ TEST_CASE("temporary files that killed runs left, with names of this process, ar
   CHECK(dir.entries() == kLeft + 1);
 }
 
-TEST_CASE("temporary files tell what they were to become") {
+TEST_CASE("temporary files contain the name of their target") {
   CHECK(target_of_temporary(".c.ply.123-0.tmp") == "c.ply");
   CHECK(target_of_temporary(".status.json.1-22.tmp") == "status.json");
   CHECK(target_of_temporary(".1-00112233445566aa.77-0.tmp") == "1-00112233445566aa");
@@ -308,14 +308,14 @@ TEST_CASE("temporary files tell what they were to become") {
   }
 }
 
-TEST_CASE("targets that cannot be written are refused before any work") {
+TEST_CASE("unwritable targets are refused before any work") {
   const TempDir dir;
   CHECK_THROWS_AS(CloudOutput(dir / "no/such/c.ply"), OutputError);
   CHECK_THROWS_AS(CloudOutput(dir.path()), OutputError);
   CHECK_THROWS_AS(CloudOutput("/dev/null"), OutputError);
 }
 
-TEST_CASE("ascii and both byte orders read alike, other elements and properties are passed over") {
+TEST_CASE("ascii and both byte orders read alike and other elements and properties are ignored") {
   const TempDir dir;
   const std::string columns =
       "element camera 1\nproperty list uchar int ids\nproperty int n\nelement vertex 2\nproperty double x\n"
@@ -350,7 +350,7 @@ TEST_CASE("ascii and both byte orders read alike, other elements and properties 
   }
 }
 
-TEST_CASE("hostile PLY files give an error that names the file and the place") {
+TEST_CASE("malformed PLY files give an error that names the file and the position") {
   const TempDir dir;
   const std::string xyz = "property float x\nproperty float y\nproperty float z\n";
   struct Case {
@@ -397,7 +397,7 @@ TEST_CASE("hostile PLY files give an error that names the file and the place") {
   CHECK_THROWS_AS(read_ply(dir.path()), IoError);
 }
 
-TEST_CASE("every cut of a PLY is an error, none is read as a smaller cloud") {
+TEST_CASE("every truncated PLY is an error and none is read as a smaller cloud") {
   const TempDir dir;
   CloudOutput writer(dir / "c.ply");
   writer.add(sample_cloud(3));

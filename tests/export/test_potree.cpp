@@ -121,7 +121,7 @@ std::vector<OctreePoint> octree_points(std::size_t count, std::int32_t extent) {
 
 }  // namespace
 
-TEST_CASE("a Potree cloud holds each point once, in a node whose cube it lies in") {
+TEST_CASE("a Potree cloud holds each point once in a node whose cube contains it") {
   const TempDir dir;
   const std::vector<OutputPoint> given = sample_points(120000);
   write(dir / "p", given);
@@ -160,7 +160,7 @@ TEST_CASE("a Potree cloud holds each point once, in a node whose cube it lies in
   CHECK((Cloud::vector(cloud.metadata["attributes"][0]["max"]) - high).norm() < 1e-9);
 }
 
-TEST_CASE("the bytes of a Potree cloud do not hang on how its points come in pieces") {
+TEST_CASE("the bytes of a Potree cloud do not depend on the chunks of its points") {
   const TempDir dir;
   const std::vector<OutputPoint> points = sample_points(50000);
   write(dir / "a", points);
@@ -185,7 +185,7 @@ TEST_CASE("Potree clouds of no point, of one, and of many in one place") {
   CHECK(count == 40000);
 }
 
-TEST_CASE("a Potree writer that is given up, or gets a point that is too far, leaves no folder") {
+TEST_CASE("an aborted Potree writer or one with a point out of range leaves no directory") {
   const TempDir dir;
   std::vector<OutputPoint> points = sample_points(100);
   CloudHeader header = sample_header();
@@ -197,16 +197,16 @@ TEST_CASE("a Potree writer that is given up, or gets a point that is too far, le
   CHECK(dir.entries() == 0);
 }
 
-TEST_CASE("a Potree cloud that is replaced only in part is none") {
+TEST_CASE("a partially replaced Potree cloud is invalid") {
   const TempDir dir;
   write(dir / "p", sample_points(100));
   fs::remove(dir / "p" / "hierarchy.bin");
-  fs::create_directory(dir / "p" / "hierarchy.bin");  // nothing can take its place
+  fs::create_directory(dir / "p" / "hierarchy.bin");  // it cannot be replaced
   CHECK_THROWS_AS(write(dir / "p", sample_points(50)), OutputError);
   CHECK_FALSE(fs::exists(dir / "p" / "metadata.json"));
 }
 
-TEST_CASE("an octree of more points than memory takes at once: dealt out by cells as they come, and once more") {
+TEST_CASE("an octree larger than memory is split into cells recursively") {
   const TempDir scratch;
 #ifdef PMSP_SANITIZED
   const std::size_t count = 1100000;
@@ -214,7 +214,7 @@ TEST_CASE("an octree of more points than memory takes at once: dealt out by cell
   const std::size_t count = 2500000;
 #endif
   const std::vector<OctreePoint> points = octree_points(count, 1 << 20);
-  const double cell_steps = GENERATE(1 << 17, 1 << 22);  // small cells; one for all, which is dealt out again
+  const double cell_steps = GENERATE(1 << 17, 1 << 22);  // small cells; a single one, which is split again
   Octree octree(scratch.path().string(), cell_steps);
   for (const OctreePoint& p : points) octree.add(p);
   std::vector<OctreePoint> out;

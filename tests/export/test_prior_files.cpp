@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Depth that others wrote: EXR, NPY.
+// Depth files of other programs: EXR, NPY.
 #include <cmath>
 #include <cstring>
 #include <string>
@@ -22,7 +22,7 @@ using pmsp_test::write_text;
 
 namespace {
 
-Image<float> ramp(int width, int height) {
+Image<float> depth_ramp(int width, int height) {
   Image<float> image(width, height);
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) image(x, y) = 0.5F * static_cast<float>(y) + 0.25F * static_cast<float>(x);
@@ -56,7 +56,7 @@ std::string attribute(const std::string& name, const std::string& type, const st
   return text + value;
 }
 
-/// One half channel, ZIP: what cv2.imwrite and most networks' tools leave. `bits`: of all values, row by row.
+/// One half channel, ZIP: as written by cv2.imwrite and most networks' tools. `bits`: of all values, row by row.
 std::string zip_exr(int width, int height, const std::vector<std::uint16_t>& bits, const std::string& channel = "Y") {
   std::string list = channel + '\0', window;
   append_little(list, std::int32_t{1});
@@ -98,13 +98,13 @@ std::string zip_exr(int width, int height, const std::vector<std::uint16_t>& bit
 
 }  // namespace
 
-TEST_CASE("the depth of an EXR of ours is read back") {
+TEST_CASE("the depth of an own EXR is read back") {
   const TempDir dir;
-  write_exr(dir / "d.exr", {{"confidence", Image<float>(6, 3, 0.5F)}, {"Z", ramp(6, 3)}});
-  CHECK(read_exr_depth(dir / "d.exr").pixels() == ramp(6, 3).pixels());
-  write_exr(dir / "one.exr", {{"whatever", ramp(6, 3)}});
-  CHECK(read_exr_depth(dir / "one.exr").pixels() == ramp(6, 3).pixels());
-  write_exr(dir / "two.exr", {{"R", ramp(6, 3)}, {"G", ramp(6, 3)}});
+  write_exr(dir / "d.exr", {{"confidence", Image<float>(6, 3, 0.5F)}, {"Z", depth_ramp(6, 3)}});
+  CHECK(read_exr_depth(dir / "d.exr").pixels() == depth_ramp(6, 3).pixels());
+  write_exr(dir / "one.exr", {{"whatever", depth_ramp(6, 3)}});
+  CHECK(read_exr_depth(dir / "one.exr").pixels() == depth_ramp(6, 3).pixels());
+  write_exr(dir / "two.exr", {{"R", depth_ramp(6, 3)}, {"G", depth_ramp(6, 3)}});
   CHECK_THROWS_WITH(read_exr_depth(dir / "two.exr"), Contains("G, R"));
 }
 
@@ -130,7 +130,7 @@ TEST_CASE("a packed EXR of halves is read") {
 
 TEST_CASE("NPY of three kinds of floats is read") {
   const TempDir dir;
-  const Image<float> image = ramp(5, 3);
+  const Image<float> image = depth_ramp(5, 3);
   write_text(dir / "f4.npy", npy("<f4", "3, 5", values_of<float>(image)));
   write_text(dir / "f8.npy", npy("<f8", "1, 3, 5", values_of<double>(image)));
   CHECK(read_npy(dir / "f4.npy").pixels() == image.pixels());
@@ -152,12 +152,12 @@ TEST_CASE("NPY of three kinds of floats is read") {
   CHECK_THROWS_WITH(read_npy(dir / "long.npy"), Contains("cut off"));
 }
 
-TEST_CASE("broken depth files are refused, wherever they break") {
+TEST_CASE("depth files broken at any offset are refused") {
   const TempDir dir;
-  write_exr(dir / "good.exr", {{"Z", ramp(6, 3)}});
+  write_exr(dir / "good.exr", {{"Z", depth_ramp(6, 3)}});
   const std::vector<std::string> files = {read_text(dir / "good.exr"),
                                           zip_exr(20, 20, std::vector<std::uint16_t>(400, 0x3c00)),
-                                          npy("<f4", "3, 5", values_of<float>(ramp(5, 3)))};
+                                          npy("<f4", "3, 5", values_of<float>(depth_ramp(5, 3)))};
   for (std::size_t k = 0; k < files.size(); ++k) {
     CAPTURE(k);
     const auto path = dir / (k < 2 ? "broken.exr" : "broken.npy");
@@ -178,13 +178,14 @@ TEST_CASE("broken depth files are refused, wherever they break") {
   }
 }
 
-TEST_CASE("the channels of an EXR that are asked for are read", "[prior files]") {
+TEST_CASE("the requested channels of an EXR are read", "[prior files]") {
   const TempDir dir;
-  write_exr(dir / "d.exr", {{"confidence", Image<float>(6, 3, 0.5F)}, {"N.X", ramp(6, 3)}, {"Z", Image<float>(6, 3)}});
+  write_exr(dir / "d.exr",
+            {{"confidence", Image<float>(6, 3, 0.5F)}, {"N.X", depth_ramp(6, 3)}, {"Z", Image<float>(6, 3)}});
   const std::vector<ImageChannel> channels = read_exr(dir / "d.exr", {"N.X", "N.Y", "confidence"});
   REQUIRE(channels.size() == 2);
   CHECK(channels[0].name == "N.X");
-  CHECK(channels[0].values.pixels() == ramp(6, 3).pixels());
+  CHECK(channels[0].values.pixels() == depth_ramp(6, 3).pixels());
   CHECK(channels[1].name == "confidence");
   CHECK(channels[1].values(5, 2) == 0.5F);
   CHECK(read_exr(dir / "d.exr", {"A"}).empty());

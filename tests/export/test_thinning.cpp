@@ -45,7 +45,7 @@ std::vector<OutputPoint> turned_round(std::vector<OutputPoint> points) {
 
 }  // namespace
 
-TEST_CASE("of each cube the most confident point stays, and no other") {
+TEST_CASE("only the most confident point of each voxel is kept") {
   const std::vector<OutputPoint> points = sample_points(100000);
   const double side = GENERATE(0.05, 0.3, 7.0);
   std::map<std::array<double, 3>, const OutputPoint*> best;
@@ -59,7 +59,7 @@ TEST_CASE("of each cube the most confident point stays, and no other") {
   CHECK(keys_of(thinned({side, 0}, points)) == expected);
 }
 
-TEST_CASE("cubes on either side of zero are two") {
+TEST_CASE("voxels on either side of zero are distinct") {
   std::vector<OutputPoint> points = sample_points(4);
   points[0].position = {0.4, 0.4, 0.4};
   points[1].position = {-0.4, 0.4, 0.4};
@@ -69,7 +69,7 @@ TEST_CASE("cubes on either side of zero are two") {
   CHECK(thinned({1.0, 0}, {points[3], points[3]}).size() == 1);
 }
 
-TEST_CASE("which points stay does not hang on the order in which they come") {
+TEST_CASE("the kept points do not depend on their order") {
   std::vector<OutputPoint> points = sample_points(100000);
   for (std::size_t i = 0; i < points.size(); ++i) points[i].confidence = 0.25F * static_cast<float>(i % 4);  // ties
   const ThinningOptions options = GENERATE(ThinningOptions{0.3, 0}, ThinningOptions{0.0, 31415},
@@ -79,7 +79,7 @@ TEST_CASE("which points stay does not hang on the order in which they come") {
   if (options.max_points > 0) CHECK(kept.size() == static_cast<std::size_t>(options.max_points));
 }
 
-TEST_CASE("a share of the points is even over the keyframes, and a smaller one is part of a larger one") {
+TEST_CASE("a share of the points is even over the keyframes and a smaller one is a subset of a larger one") {
   const std::vector<OutputPoint> points = sample_points(100000);
   const std::vector<OutputPoint> some = thinned({0.0, 20000}, points);
   std::map<std::int64_t, int> of_keyframe;
@@ -97,7 +97,7 @@ TEST_CASE("thinning of nothing, of one point, and to more than there are") {
   CHECK(thinned(options, sample_points(5)).size() == 5);
 }
 
-TEST_CASE("cubes that cannot be counted are refused") {
+TEST_CASE("a voxel size with too many voxels is refused") {
   std::vector<OutputPoint> points = sample_points(1);
   points[0].position.x() = 1e12;
   CHECK_THROWS_AS(thinned({1e-6, 0}, points), InvalidInput);

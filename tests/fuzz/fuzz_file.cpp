@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 //
-// Feeds libFuzzer's bytes to the readers of all files but maps. The first byte says which reader. What is refused by an
-// Error of the library is as it should be.
+// Feeds libFuzzer's bytes to the readers of all files except maps. The first byte selects the reader. Errors of the
+// library are expected.
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -78,7 +78,7 @@ std::string encoded(const char* extension) {
   return {bytes.begin(), bytes.end()};
 }
 
-/// A JPEG that says of itself that it is a part of a panorama.
+/// A JPEG with the XMP data of a partial panorama.
 std::string cropped_panorama() {
   const std::string xmp = std::string("http://ns.adobe.com/xap/1.0/") + '\0' +
                           "<x:xmpmeta><rdf:Description GPano:FullPanoWidthPixels=\"64\" "

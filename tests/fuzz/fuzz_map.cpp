@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 //
-// Feeds libFuzzer's bytes to the readers of maps. The first byte says which file of which format the others are; the
-// other files of that format are sound. What is refused by an Error of the library is as it should be.
+// Feeds libFuzzer's bytes to the readers of maps. The first byte selects the file of a format that the others replace;
+// the other files of that format are valid. Errors of the library are expected.
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>

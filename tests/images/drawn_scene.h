@@ -26,14 +26,14 @@ struct Shot {
 /// A map without landmarks: pairing has nothing but the names. The camera is 64x32 at 10 fps.
 SlamMap bare_map(const std::vector<Shot>& shots);
 
-/// One gray level for each frame, so that a test can tell which one it was given.
+/// One gray level per frame, so that a test can identify the frame.
 void write_gray_frame(const std::filesystem::path& path, int frame);
 int gray_frame(const Image<Rgb>& image);
 
 constexpr int kRoomWidth = 320;
 
-/// What a panorama camera sees at a frame of a flight through a textured room, `width` x `width` / 2. `tile`: the
-/// texture repeats itself after so much in each direction [scene units]; 0 = it doesn't.
+/// Panorama at a frame of a flight through a textured room, `width` x `width` / 2. `tile`: period of the texture in
+/// each direction [map units]; 0 = not periodic.
 Image<Rgb> render_room(int frame, int width = kRoomWidth, double tile = 0.0);
 cv::Mat bgr_of(const Image<Rgb>& image);
 void write_image(const std::filesystem::path& path, const Image<Rgb>& image);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// What images say of themselves: orientation and place.
+// EXIF data of images: orientation and GPS position.
 #include <algorithm>
 #include <array>
 #include <fstream>
@@ -116,7 +116,7 @@ std::array<int, 4> corners_of(const std::filesystem::path& folder) {
 
 }  // namespace
 
-TEST_CASE("images are turned as their EXIF orientation asks", "[exif]") {
+TEST_CASE("images are rotated by their EXIF orientation", "[exif]") {
   const std::string ending = GENERATE(".jpg", ".png");
   CAPTURE(ending);
   // Orientation n: what is stored is the picture seen so that this undoes it (Exif 2.32, table 6).
@@ -143,7 +143,7 @@ TEST_CASE("images are turned as their EXIF orientation asks", "[exif]") {
   CHECK(shown[1] == upright);
 }
 
-TEST_CASE("a panorama that is to be turned by a quarter is refused", "[exif]") {
+TEST_CASE("a panorama rotated by a quarter turn is refused", "[exif]") {
   const TempDir folder;
   write_image(folder / "0.jpg", quarters(64, 32));
   write(folder / "0.jpg", in_jpeg(read_bytes(folder / "0.jpg"), tiff(6)));
@@ -151,7 +151,7 @@ TEST_CASE("a panorama that is to be turned by a quarter is refused", "[exif]") {
   CHECK_THROWS_WITH(source->next(), Contains("orientation 6") && Contains("twice as wide"));
 }
 
-TEST_CASE("the place where an image was taken is read", "[exif]") {
+TEST_CASE("the GPS position of an image is read", "[exif]") {
   const TempDir folder;
   write_image(folder / "0.jpg", quarters(64, 32));
   const std::string file = in_jpeg(read_bytes(folder / "0.jpg"), tiff(1));
@@ -165,7 +165,7 @@ TEST_CASE("the place where an image was taken is read", "[exif]") {
   CHECK_FALSE(io::read_exif(numbers(read_bytes(folder / "0.jpg").substr(0, 60))).gps);
 }
 
-TEST_CASE("the place is read from a TIFF file, also where its tags lie behind the pixels", "[exif]") {
+TEST_CASE("the GPS position of a TIFF file is read also if its tags follow the pixels", "[exif]") {
   const TempDir folder;
   const std::string block = tiff(3);
   write(folder / "0.tif", block);
@@ -192,7 +192,7 @@ TEST_CASE("the place is read from a TIFF file, also where its tags lie behind th
   }
 }
 
-TEST_CASE("broken EXIF data say nothing, and do no harm", "[exif]") {
+TEST_CASE("broken EXIF data are ignored", "[exif]") {
   const TempDir folder;
   write_image(folder / "0.jpg", quarters(64, 32));
   const std::string good = in_jpeg(read_bytes(folder / "0.jpg"), tiff(3)).substr(0, 400);
@@ -207,7 +207,7 @@ TEST_CASE("broken EXIF data say nothing, and do no harm", "[exif]") {
   }
 }
 
-TEST_CASE("a cloud is aligned with the places in the images' EXIF data", "[exif]") {
+TEST_CASE("a cloud is aligned with the GPS positions in the images' EXIF data", "[exif]") {
   // At the equator a thousandth of a degree is 111.3195 m to the east and 110.5743 m to the north (WGS 84).
   const TempDir folder;
   SlamMap map = bare_map({{0, 0.0, 0}, {1, 0.1, 1}, {2, 0.2, 2}, {3, 0.3, 3}, {4, 0.4, 4}});

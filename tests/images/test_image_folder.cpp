@@ -69,7 +69,7 @@ TEST_CASE("File names are read as keyframe ids") {
   CHECK(drain(*source).frames == kAllFrames);
 }
 
-TEST_CASE("Masks beside the images are not taken for images, even where there are more of them") {
+TEST_CASE("Masks beside the images are not taken for images even if there are more of them") {
   TempDir folder;
   auto shots = shots_from(0.0);
   for (const char* name : {"%lld.png.png", "%lld_mask.png", "%lld.mask.png"}) {
@@ -81,7 +81,7 @@ TEST_CASE("Masks beside the images are not taken for images, even where there ar
   CHECK(drain(*open_image_folder(map, folder.path())).frames == Frames{0, 1, 5, 13, 19});
 }
 
-TEST_CASE("Row numbers of a file without ids are no names of images") {
+TEST_CASE("Row numbers of a file without ids are no image names") {
   TempDir folder;
   SlamMap map = bare_map({{0, 0.0}, {1, 0.7}, {2, 1.3}, {3, 2.1}});
   map.cameras[0].fps = 0.0;
@@ -108,7 +108,7 @@ TEST_CASE("File names are read as timestamps in any unit") {
   CHECK(drain(*source).frames == kAllFrames);
 }
 
-TEST_CASE("A name that is a timestamp belongs to a keyframe of that moment, however slow the camera") {
+TEST_CASE("A timestamp as name is matched by time at any frame rate") {
   SlamMap map = bare_map({{0, kUnix}, {1, kUnix + 1.0}, {2, kUnix + 2.0}, {3, kUnix + 3.0}});
   map.cameras[0].fps = 1.0;
   for (const int late_ms : {40, 200}) {
@@ -139,7 +139,7 @@ TEST_CASE("File names are read as the SLAM's count of frames") {
   CHECK(drain(*source).frames == frames);
 }
 
-TEST_CASE("A constant offset between index and name is found, or given") {
+TEST_CASE("A constant offset between index and name is detected or given") {
   TempDir folder;
   const auto shots = shots_from(kUnix);
   write_frames(folder, "%06lld.png", shots, 240);
@@ -154,7 +154,7 @@ TEST_CASE("A constant offset between index and name is found, or given") {
   CHECK_THROWS_AS(open_image_folder(bare_map(shots), folder.path(), options), InvalidInput);
 }
 
-TEST_CASE("A rate of the user's own turns timestamps into indices") {
+TEST_CASE("A given rate converts timestamps to indices") {
   TempDir folder;
   for (const int frame : {0, 3, 6, 15}) write_gray_frame(folder / numbered("%04lld.png", frame), frame);
   ImageFolderOptions options;
@@ -180,7 +180,7 @@ TEST_CASE("Missing images and repeated timestamps are listed and skipped") {
   CHECK_THAT(source->description(), Contains("5 of 8"));
 }
 
-TEST_CASE("Named by keyframe id, a repeated timestamp does no harm") {
+TEST_CASE("A repeated timestamp has no effect on names by keyframe id") {
   TempDir folder;
   std::vector<Shot> shots = shots_from(0.0);
   shots.push_back({11, 3.1, 40});
@@ -190,7 +190,7 @@ TEST_CASE("Named by keyframe id, a repeated timestamp does no harm") {
   CHECK(drain(*source).frames == Frames{0, 1, 5, 13, 19, 31, 40});
 }
 
-TEST_CASE("Where names allow several naming schemes, the images decide") {
+TEST_CASE("Ambiguous naming schemes are resolved by the images") {
   // All frames of the flight are there: each name is a keyframe id as well as a frame index.
   std::vector<Shot> by_index, by_id;
   for (int i = 0; i < 7; ++i) by_index.push_back({i, 0.3 * i, 3 * i});
@@ -210,7 +210,7 @@ TEST_CASE("Where names allow several naming schemes, the images decide") {
   CHECK_THAT(offset->description(), Contains("+ 2)"));
 }
 
-TEST_CASE("Names that give images to fewer than half of the keyframes are refused, unless that is allowed") {
+TEST_CASE("Names that match fewer than half of the keyframes are refused unless allowed") {
   TempDir folder;
   const auto shots = shots_from(0.0);
   for (const int frame : {0, 13}) write_gray_frame(folder / numbered("%06lld.png", frame), frame);
@@ -222,7 +222,7 @@ TEST_CASE("Names that give images to fewer than half of the keyframes are refuse
   CHECK(drain(*open_image_folder(bare_map(shots), folder.path(), options)).frames == Frames{0, 13});
 }
 
-TEST_CASE("Images that the map names, and are not there, are named where most are missing") {
+TEST_CASE("Missing images that the map names are listed if most are missing") {
   TempDir folder;
   SlamMap map = bare_map(shots_from(0.0));
   for (MapKeyframe& keyframe : map.keyframes) keyframe.image = numbered("pano %lld.png", keyframe.id);
@@ -235,7 +235,7 @@ TEST_CASE("Images that the map names, and are not there, are named where most ar
   CHECK(drain(*open_image_folder(map, folder.path(), options)).frames == Frames{0, 31});
 }
 
-TEST_CASE("Without a rate, without times or in nanoseconds: the naming that the images prove") {
+TEST_CASE("Without a rate or times or in nanoseconds the naming is verified by the images") {
   TempDir folder;
   std::vector<Shot> shots;
   for (const int frame : {1, 4, 6, 9, 13, 16}) {
@@ -265,7 +265,7 @@ TEST_CASE("Without a rate, without times or in nanoseconds: the naming that the 
   CHECK_THROWS_WITH(open_image_folder(map, folder.path()), Contains("--image-list"));
 }
 
-TEST_CASE("Of the numbers in names the last one that differs counts") {
+TEST_CASE("The last varying number in names counts") {
   TempDir folder;
   const auto shots = shots_from(0.0);
   const std::string name =
@@ -274,7 +274,7 @@ TEST_CASE("Of the numbers in names the last one that differs counts") {
   CHECK(drain(*open_image_folder(bare_map(shots), folder.path())).frames == kAllFrames);
 }
 
-TEST_CASE("Images of a rig's cameras in one folder are series of their own") {
+TEST_CASE("Images of a rig's cameras in one directory are separate series") {
   TempDir folder;
   const auto shots = shots_from(0.0);
   for (const Shot& shot : shots)
@@ -299,7 +299,7 @@ TEST_CASE("ROS names images by seconds and nanoseconds") {
   CHECK(drain(*source).frames == kAllFrames);
 }
 
-TEST_CASE("Among all frames of a recording the offset is found that fits what the images show") {
+TEST_CASE("Among all frames of a recording the offset that fits the images is found") {
   TempDir folder;
   for (int frame = 0; frame <= 33; ++frame)
     write_image(folder / numbered("%06lld.png", 100 + frame), render_room(frame));
@@ -311,7 +311,7 @@ TEST_CASE("Among all frames of a recording the offset is found that fits what th
   CHECK(source->origin(0).file.filename() == "000118.png");
 }
 
-TEST_CASE("Images that are upside down do not make a less likely naming the chosen one") {
+TEST_CASE("Upside-down images do not select a less likely naming") {
   TempDir folder;
   std::vector<Shot> shots;
   for (int i = 0; i < 7; ++i) shots.push_back({i, 0.3 * i, 3 * i});
@@ -335,7 +335,7 @@ TEST_CASE("Images come in the camera's colours and at any scale of its size") {
   CHECK(item->image(3, 4) == Rgb{10, 20, 30});
 }
 
-TEST_CASE("A wrong size, a cut and a broken file are named, and the rest can be read") {
+TEST_CASE("Files of wrong size and truncated and broken files are named and the rest is read") {
   TempDir folder;
   const auto shots = shots_from(0.0);
   write_frames(folder, "%06lld.jpg", shots);
@@ -352,7 +352,7 @@ TEST_CASE("A wrong size, a cut and a broken file are named, and the rest can be 
   CHECK(drain(*source).frames == Frames{19, 31});
 }
 
-TEST_CASE("A part of a panorama is refused, a whole one is taken whatever its XMP data say") {
+TEST_CASE("A partial panorama is refused and a full one accepted with any XMP data") {
   TempDir folder;
   const auto shots = shots_from(0.0);
   write_frames(folder, "%06lld.jpg", shots);
@@ -378,7 +378,7 @@ TEST_CASE("A part of a panorama is refused, a whole one is taken whatever its XM
   CHECK(drain(*source).frames == Frames{1, 5, 13, 19, 31});
 }
 
-TEST_CASE("Images that are decoded ahead come in the same order, a source may go while some are being decoded") {
+TEST_CASE("Prefetched images keep their order and a source may be destroyed while decoding") {
   TempDir folder;
   const auto shots = shots_from(0.0);
   write_frames(folder, "%06lld.png", shots);
@@ -394,7 +394,7 @@ TEST_CASE("Images that are decoded ahead come in the same order, a source may go
   CHECK(left->next()->keyframe_id == 0);
 }
 
-TEST_CASE("A small file that promises gigabytes of pixels is refused before they are allocated") {
+TEST_CASE("A small file that declares gigabytes of pixels is refused before allocation") {
   TempDir folder;
   const auto shots = shots_from(0.0);
   write_frames(folder, "%06lld.jpg", shots);
@@ -415,7 +415,7 @@ TEST_CASE("A small file that promises gigabytes of pixels is refused before they
   CHECK(source->next().has_value());
 }
 
-TEST_CASE("A cut PNG is an error, not a gray image") {
+TEST_CASE("A truncated PNG is an error and not a gray image") {
   TempDir folder;
   const auto shots = shots_from(0.0);
   for (const Shot& shot : shots) write_image(folder / numbered("%lld.png", shot.frame), render_room(shot.frame, 64));
@@ -424,7 +424,7 @@ TEST_CASE("A cut PNG is an error, not a gray image") {
   CHECK_THROWS_AS(source->next(), IoError);
 }
 
-TEST_CASE("Folders that cannot be used are refused") {
+TEST_CASE("Unusable directories are refused") {
   TempDir folder;
   const SlamMap map = bare_map(shots_from(0.0));
   CHECK_THROWS_WITH(open_image_folder(map, folder / "missing"), Contains("missing"));

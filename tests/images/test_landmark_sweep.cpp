@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// What images say of the poses of a map that has no landmarks.
+// Verification of the poses of a map without landmarks by its images.
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <functional>
@@ -19,14 +19,14 @@ using Result = LandmarkSweep::Result;
 
 namespace {
 
-std::vector<Shot> flight() {
+std::vector<Shot> sweep_flight() {
   std::vector<Shot> shots;
   for (int i = 0; i < 8; ++i) shots.push_back({2 * i, 0.3 * i, 4 * i});
   return shots;
 }
 
 SlamMap poses_alone() {
-  SlamMap map = room_map(flight());
+  SlamMap map = room_map(sweep_flight());
   map.landmarks.clear();
   for (MapKeyframe& keyframe : map.keyframes) keyframe.observations.clear();
   return map;
@@ -35,7 +35,7 @@ SlamMap poses_alone() {
 const std::vector<Image<Rgb>>& images() {
   static const std::vector<Image<Rgb>> rendered = [] {
     std::vector<Image<Rgb>> result;
-    for (const Shot& shot : flight()) result.push_back(render_room(shot.frame));
+    for (const Shot& shot : sweep_flight()) result.push_back(render_room(shot.frame));
     return result;
   }();
   return rendered;
@@ -67,7 +67,7 @@ Eigen::Matrix3d matrix(std::initializer_list<double> rows) {
 
 }  // namespace
 
-TEST_CASE("poses that fit give landmarks, whatever the number of threads") {
+TEST_CASE("consistent poses give landmarks for any number of threads") {
   const SlamMap map = poses_alone();
   const std::unique_ptr<LandmarkSweep> sweep = sweep_of(map);
   SlamMap one = map;
@@ -79,7 +79,7 @@ TEST_CASE("poses that fit give landmarks, whatever the number of threads") {
   CHECK(result.message.empty());
   CHECK(result.share > 0.4);
   REQUIRE(one.landmarks.size() == result.landmarks);
-  const SlamMap truth = room_map(flight());
+  const SlamMap truth = room_map(sweep_flight());
   double farthest = 0.0;
   for (const MapLandmark& landmark : truth.landmarks) farthest = std::max(farthest, landmark.position_world.norm());
   for (const MapLandmark& landmark : one.landmarks) CHECK(landmark.position_world.norm() < 1.5 * farthest);
@@ -91,7 +91,7 @@ TEST_CASE("poses that fit give landmarks, whatever the number of threads") {
   }
 }
 
-TEST_CASE("wrong poses are named by what they are") {
+TEST_CASE("wrong poses are refused with their kind of error") {
   const auto w_first = [](const SlamMap& right, std::size_t i) {
     const RigidTransform& pose = right.keyframes[i].cam_from_world;
     const Eigen::Quaterniond q(Eigen::Matrix3d(pose.rotation.transpose()));
@@ -120,7 +120,7 @@ TEST_CASE("wrong poses are named by what they are") {
   }
 }
 
-TEST_CASE("poses that fit no better than chance are refused, those that hardly fit are doubted") {
+TEST_CASE("poses that fit no better than chance are refused and poor ones give a warning") {
   std::mt19937 random(3);
   std::normal_distribution<double> gauss;
   const auto anyhow = [&](const SlamMap& right, std::size_t i) {
@@ -147,7 +147,7 @@ TEST_CASE("poses that fit no better than chance are refused, those that hardly f
   CHECK_THAT(some.message, Contains("may not fit"));
 }
 
-TEST_CASE("of three images nothing is said but that") {
+TEST_CASE("three images are reported as too few") {
   SlamMap map = poses_alone();
   map.keyframes.resize(3);
   const Result result = sweep_of(map)->check_poses();

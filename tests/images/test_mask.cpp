@@ -33,7 +33,7 @@ int count_ignored(const Image<std::uint8_t>& mask) {
 
 }  // namespace
 
-TEST_CASE("A mask of the images' size is taken as it is") {
+TEST_CASE("A mask of the images' size is used unchanged") {
   TempDir folder;
   cv::imwrite((folder / "mask.png").string(), mask_with_hole(64, 32, 63, 0));
   const auto mask = read_mask(folder / "mask.png", 64, 32);
@@ -56,7 +56,7 @@ TEST_CASE("Shrinking a mask never makes an ignored pixel usable") {
   CHECK(count_ignored(uneven) == 2);
 }
 
-TEST_CASE("Enlarging a mask ignores all that an ignored pixel touches") {
+TEST_CASE("Enlarging a mask ignores all pixels that an ignored pixel touches") {
   TempDir folder;
   cv::imwrite((folder / "mask.png").string(), mask_with_hole(8, 4, 2, 1));
   const auto larger = read_mask(folder / "mask.png", 20, 10);  // pixel 2 spans [5, 7.5), row 1 [2.5, 5)
@@ -79,7 +79,7 @@ TEST_CASE("Any value but 0 means use, in colour and 16 bits too") {
   CHECK(count_ignored(read_mask(folder / "colour.png", 8, 4)) == 1);
 }
 
-TEST_CASE("Masks that cannot be meant are refused") {
+TEST_CASE("Implausible masks are refused") {
   TempDir folder;
   CHECK_THROWS_AS(read_mask(folder / "missing.png", 64, 32), IoError);
   std::ofstream(folder / "text.png") << "no image";
@@ -92,7 +92,7 @@ TEST_CASE("Masks that cannot be meant are refused") {
   CHECK_THROWS_AS(read_mask(folder / "good.png", 0, 0), InvalidOption);
 }
 
-TEST_CASE("A photo or a depth map is no mask, soft edges and JPEG are none the less") {
+TEST_CASE("A photo or a depth map is no mask but soft edges and JPEG are accepted") {
   TempDir folder;
   write_image(folder / "photo.png", render_room(3));
   CHECK_THROWS_WITH(read_mask(folder / "photo.png", 64, 32), Contains("photo.png") && Contains("is no mask"));
@@ -110,7 +110,7 @@ TEST_CASE("A photo or a depth map is no mask, soft edges and JPEG are none the l
   }
 }
 
-TEST_CASE("A folder holds a mask for each image, under COLMAP's names or with another ending") {
+TEST_CASE("A directory holds a mask per image under COLMAP's names or another extension") {
   TempDir images;
   TempDir masks;
   std::filesystem::create_directories(images / "left");
@@ -133,7 +133,7 @@ TEST_CASE("A folder holds a mask for each image, under COLMAP's names or with an
   CHECK(MaskSource({images.path(), images.path(), 0.0}).file_for(images / "1.png").empty());
 }
 
-TEST_CASE("A cap at the nadir is ignored, alone and with a mask") {
+TEST_CASE("A cap at the nadir is ignored alone and with a mask") {
   TempDir folder;
   cv::imwrite((folder / "mask.png").string(), mask_with_hole(64, 32, 5, 2));
   for (const auto& path : {std::filesystem::path(), folder / "mask.png"}) {
@@ -150,7 +150,7 @@ TEST_CASE("A cap at the nadir is ignored, alone and with a mask") {
   CHECK_THROWS_AS(MaskSource({folder / "missing.png", {}, 0.0}), IoError);
 }
 
-TEST_CASE("A cap at the zenith is ignored, too") {
+TEST_CASE("A cap at the zenith is ignored") {
   MaskSource source({{}, {}, 22.5, 45.0});
   const auto mask = source.mask_for("any.jpg", 64, 32);
   CHECK(mask(0, 7) == 0);
@@ -195,7 +195,7 @@ TEST_CASE("Black of a JPEG is ignored though it is not exactly 0") {
   CHECK(count_ignored(read_mask(folder / "mask.jpg", 64, 32)) == 64 * 16);
 }
 
-TEST_CASE("Masks are found by the names that programs give them") {
+TEST_CASE("Masks are found by the names that programs use") {
   TempDir images, masks;
   std::ofstream(images / "a1.JPG") << "an image";
   for (const char* name :
@@ -210,7 +210,7 @@ TEST_CASE("Masks are found by the names that programs give them") {
   CHECK(MaskSource({masks.path(), images.path().parent_path()}).file_for(images / "a1.JPG") == masks / "a1.png");
 }
 
-TEST_CASE("Masks that come with the images are found, unless none is wanted") {
+TEST_CASE("Masks beside the images are found unless disabled") {
   TempDir mission;
   const auto images = mission / "images";
   for (const char* name : {"images/left", "masks/left", "named"}) std::filesystem::create_directories(mission / name);
@@ -243,7 +243,7 @@ TEST_CASE("Masks that come with the images are found, unless none is wanted") {
   CHECK(MaskSource(options).file_for(images / "1.jpg") == options.path);
 }
 
-TEST_CASE("Transparent pixels of an image are ignored, besides what a mask hides") {
+TEST_CASE("Transparent pixels of an image are ignored in addition to a mask") {
   TempDir folder;
   cv::imwrite((folder / "mask.png").string(), mask_with_hole(64, 32, 5, 2));
   for (const char* name : {"1.png", "1.webp", "1.tif"}) {
@@ -264,7 +264,7 @@ TEST_CASE("Transparent pixels of an image are ignored, besides what a mask hides
   }
 }
 
-TEST_CASE("What masks hide is counted by solid angle") {
+TEST_CASE("The masked share is measured by solid angle") {
   TempDir folder;
   cv::Mat mask(320, 640, CV_8UC1, cv::Scalar(0));
   mask(cv::Rect(0, 0, 640, 80)) = cv::Scalar(255);
@@ -279,7 +279,7 @@ TEST_CASE("What masks hide is counted by solid angle") {
   CHECK(red.look({"1.jpg"}, 640, 320).colours == "100 % #ff0000");
 }
 
-TEST_CASE("Rectangles of the SLAM's configuration are ignored, however they are written") {
+TEST_CASE("Rectangles of the SLAM's configuration are ignored in any notation") {
   TempDir folder;
   for (const char* text :
        {"Camera:\n  name: x\nPreprocessing:\n  min_size: 800\n  mask_rectangles:\n"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Images that the map names, in folders that are not quite as it says; sizes and data that are not quite right.
+// Images named by the map, at deviating paths, and with deviating sizes and data.
 #include <catch2/catch.hpp>
 #include <fstream>
 #include <iterator>
@@ -35,7 +35,7 @@ void write_frames(const fs::path& folder, const std::vector<std::string>& names)
 
 }  // namespace
 
-TEST_CASE("The longest tail of a name that is there is taken") {
+TEST_CASE("The longest existing suffix of a path is used") {
   const TempDir folder;
   write_frames(folder.path(), {"left/1.png", "2.png", "right/1.png", "c/3.png"});
   const auto source = open_image_folder(
@@ -44,7 +44,7 @@ TEST_CASE("The longest tail of a name that is there is taken") {
   CHECK(open_image_folder(named_map({"left/1.png"}), folder / "left")->keyframe_ids().size() == 1);
 }
 
-TEST_CASE("A file that several names could mean belongs to none of them, but for the one whose whole name it is") {
+TEST_CASE("An ambiguous file matches no name unless one matches exactly") {
   const TempDir folder;
   write_frames(folder.path(), {"1.png", "2.png"});
   ImageFolderOptions few;
@@ -56,7 +56,7 @@ TEST_CASE("A file that several names could mean belongs to none of them, but for
   CHECK(whole->keyframe_ids() == std::vector<std::int64_t>{0});
 }
 
-TEST_CASE("Images of another ending are taken where none of the names is there") {
+TEST_CASE("Images of another extension are used if none of the names exists") {
   const TempDir folder;
   write_frames(folder.path(), {"a/1.jpg", "2.JPG"});
   CHECK(open_image_folder(named_map({"x/a/1.tif", "2.tif"}), folder.path())->keyframe_ids().size() == 2);
@@ -69,7 +69,7 @@ TEST_CASE("Images of another ending are taken where none of the names is there")
   CHECK_THROWS_WITH(open_image_folder(named_map({"x/7.tif"}), folder.path()), Contains("none of the 1 images"));
 }
 
-TEST_CASE("Images that are off by a row are resized to full panoramas") {
+TEST_CASE("Images of one row more or less are resized to full panoramas") {
   const TempDir folder;
   const std::vector<std::pair<int, int>> sizes{{64, 33}, {65, 32}, {64, 31}, {62, 31}, {63, 32}, {64, 32}, {130, 65}};
   std::vector<std::string> names;
@@ -90,7 +90,7 @@ TEST_CASE("Images that are off by a row are resized to full panoramas") {
   }
 }
 
-TEST_CASE("A crop that the image no longer is does not count") {
+TEST_CASE("A stale crop is ignored") {
   const TempDir folder;
   write_frames(folder.path(), {"1.jpg", "2.jpg"});
   const auto tag = [&](const fs::path& path, const std::string& size) {

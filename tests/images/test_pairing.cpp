@@ -63,7 +63,7 @@ TEST_CASE("Images without any texture are refused") {
   CHECK_FALSE(verifier.verdict().belongs);
 }
 
-TEST_CASE("Skipped keyframes do not disturb the verdict") {
+TEST_CASE("Skipped keyframes do not affect the verdict") {
   const auto shots = flight();
   const SlamMap map = room_map(shots);
   PairingVerifier verifier(map);
@@ -72,7 +72,7 @@ TEST_CASE("Skipped keyframes do not disturb the verdict") {
   CHECK(verifier.verdict().belongs);
 }
 
-TEST_CASE("Too little evidence is no verdict") {
+TEST_CASE("Too little evidence gives no verdict") {
   const SlamMap map = room_map(flight());
   PairingVerifier verifier(map);
   CHECK_FALSE(verifier.verdict().conclusive);
@@ -88,7 +88,7 @@ TEST_CASE("Too little evidence is no verdict") {
   CHECK_THAT(nothing.verdict().message, Contains("unknown whether"));
 }
 
-TEST_CASE("Nonsense in the map does not harm the verifier") {
+TEST_CASE("Invalid values in the map do not crash the verifier") {
   auto shots = flight();
   SlamMap map = room_map(shots);
   map.landmarks[3].position_world.setConstant(std::numeric_limits<double>::quiet_NaN());

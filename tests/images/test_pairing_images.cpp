@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// What the check of pairings says to images as cameras take them, and to wrong ones of all kinds.
+// Pairing check with realistic images and with wrong ones of all kinds.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -25,8 +25,8 @@ using Change = std::function<Image<Rgb>(const Image<Rgb>&)>;
 
 namespace {
 
-/// Eight keyframes of a flight through a room that turns as it goes.
-std::vector<Shot> flight() {
+/// Eight keyframes of a drawn_flight through a room that turns as it goes.
+std::vector<Shot> drawn_flight() {
   std::vector<Shot> shots;
   for (int i = 0; i < 8; ++i) shots.push_back({2 * i, 0.3 * i, 4 * i});
   return shots;
@@ -35,7 +35,7 @@ std::vector<Shot> flight() {
 const Images& right_images() {
   static const Images images = [] {
     Images rendered;
-    for (const Shot& shot : flight()) rendered.push_back(render_room(shot.frame));
+    for (const Shot& shot : drawn_flight()) rendered.push_back(render_room(shot.frame));
     return rendered;
   }();
   return images;
@@ -155,7 +155,7 @@ synth::Mission far_apart(const synth::TextureOptions& texture) {
 
 }  // namespace
 
-TEST_CASE("Images taken far apart belong to their keyframes, whatever the texture") {
+TEST_CASE("Images taken far apart are accepted with any texture") {
   const synth::TextureOptions texture = GENERATE(synth::textured(1), synth::weak(2));
   const synth::Mission mission = far_apart(texture);
   const SlamMap map = map_of(mission);
@@ -172,7 +172,7 @@ TEST_CASE("Images taken far apart belong to their keyframes, whatever the textur
   CHECK_THAT(wrong.message, Contains("paired with the next keyframe"));
 }
 
-TEST_CASE("Wrong images are refused, and where another pairing fits, it is named") {
+TEST_CASE("Wrong images are refused and a better pairing is named") {
   const auto mirrored = [](const Image<Rgb>& image) {
     return rearranged(image, [&](int x, int y) { return std::pair(image.width() - 1 - x, y); });
   };
@@ -200,7 +200,7 @@ TEST_CASE("Wrong images are refused, and where another pairing fits, it is named
                          {"paired with the previous keyframe", earlier}};
   for (const double sigma : {0.0, 20.0})
     for (const Wrong& it : wrong) {
-      const auto verdict = verify(room_map(flight()), sigma > 0.0 ? noisy(it.images, sigma) : it.images);
+      const auto verdict = verify(room_map(drawn_flight()), sigma > 0.0 ? noisy(it.images, sigma) : it.images);
       INFO(it.name << ", noise " << sigma << ": " << verdict.message);
       CHECK(verdict.conclusive);
       CHECK_FALSE(verdict.belongs);
@@ -209,13 +209,13 @@ TEST_CASE("Wrong images are refused, and where another pairing fits, it is named
 }
 
 TEST_CASE("Images of another place are refused") {
-  const auto verdict = verify(room_map(flight()), images_of(far_apart(synth::textured(3))));
+  const auto verdict = verify(room_map(drawn_flight()), images_of(far_apart(synth::textured(3))));
   INFO(verdict.message);
   CHECK_FALSE(verdict.belongs);
 }
 
-TEST_CASE("Poor images still belong to their keyframes") {
-  const SlamMap map = room_map(flight());
+TEST_CASE("Degraded images are accepted") {
+  const SlamMap map = room_map(drawn_flight());
   const Images& right = right_images();
   struct Poor {
     const char* name;
@@ -241,21 +241,21 @@ TEST_CASE("Poor images still belong to their keyframes") {
   }
 }
 
-TEST_CASE("Where a texture repeats itself, right images belong and wrong ones are refused") {
+TEST_CASE("With a repetitive texture right images are accepted and wrong ones refused") {
   Images right;
-  for (const Shot& shot : flight()) right.push_back(render_room(shot.frame, kRoomWidth, 0.6));
-  const auto verdict = verify(room_map(flight()), right);
+  for (const Shot& shot : drawn_flight()) right.push_back(render_room(shot.frame, kRoomWidth, 0.6));
+  const auto verdict = verify(room_map(drawn_flight()), right);
   INFO(verdict.message);
   CHECK(verdict.conclusive);
   CHECK(verdict.belongs);
   CHECK_FALSE(verdict.doubtful);
-  const auto wrong = verify(room_map(flight()), one_later(right));
+  const auto wrong = verify(room_map(drawn_flight()), one_later(right));
   INFO(wrong.message);
   CHECK_FALSE(wrong.belongs);
 }
 
-TEST_CASE("Where noise hides nearly all, right images are doubted, and what shows nothing is refused") {
-  const SlamMap map = room_map(flight());
+TEST_CASE("Under heavy noise right images give a warning and uniform ones are refused") {
+  const SlamMap map = room_map(drawn_flight());
   const auto much = verify(map, noisy(right_images(), 120.0));
   INFO(much.message);
   CHECK(much.belongs);
@@ -266,8 +266,8 @@ TEST_CASE("Where noise hides nearly all, right images are doubted, and what show
   CHECK_FALSE(nothing.belongs);
 }
 
-TEST_CASE("However the noise falls, right images are not refused") {
-  const SlamMap map = room_map(flight());
+TEST_CASE("Right images are not refused under any noise") {
+  const SlamMap map = room_map(drawn_flight());
   for (std::uint64_t seed = 0; seed < 16; ++seed) {
     const double sigma = 8.0 * static_cast<double>(seed);
     const auto verdict = verify(map, noisy(right_images(), sigma, 1.0, 1000 * seed));

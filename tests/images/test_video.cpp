@@ -73,7 +73,7 @@ TEST_CASE("Keyframes take the frame with the nearest presentation time") {
   CHECK_FALSE(source->next().has_value());
 }
 
-TEST_CASE("The order is that of time, not of ids") {
+TEST_CASE("The order is by time and not by id") {
   const Clip clip;
   const auto source = open_video(bare_map({{0, 2.0}, {1, 1.0}, {2, 3.0}}), clip.path);
   CHECK(source->keyframe_ids() == Ids{1, 0, 2});
@@ -109,7 +109,7 @@ TEST_CASE("Timestamps counted with another rate than the video's are indices") {
   CHECK(drain(*source).frames == Frames{0, 4, 8, 12, 16, 20, 24, 28, 32, 36});
 }
 
-TEST_CASE("Unix times count from the first keyframe, which --frame-offset places") {
+TEST_CASE("Unix times count from the first keyframe shifted by --frame-offset") {
   const Clip clip;
   const double t0 = 1763660000.25;
   const SlamMap map = bare_map({{0, t0}, {1, t0 + 0.1}, {2, t0 + 0.6}, {5, t0 + 2.0}});
@@ -128,7 +128,7 @@ TEST_CASE("Unix times count from the first keyframe, which --frame-offset places
   CHECK_THAT(skip_reason(*early, 0), Contains("-1"));
 }
 
-TEST_CASE("An explicit rate or offset asks for indices") {
+TEST_CASE("An explicit rate or offset selects indices") {
   const Clip clip;
   const SlamMap map = bare_map({{0, 0.0}, {1, 0.5}, {2, 1.0}});
   VideoOptions options;
@@ -147,7 +147,7 @@ TEST_CASE("Maps without timestamps count by their source frames") {
   CHECK(drain(*source).frames == Frames{3, 10, 17});
 }
 
-TEST_CASE("Keyframes behind the end of the video are skipped and listed") {
+TEST_CASE("Keyframes beyond the end of the video are skipped and listed") {
   const Clip clip;
   const auto source = open_video(bare_map({{0, 0.0}, {1, 3.0}, {2, 8.0}, {3, 9.0}}), clip.path);
   const Drained drained = drain(*source);
@@ -156,7 +156,7 @@ TEST_CASE("Keyframes behind the end of the video are skipped and listed") {
   CHECK_THAT(skip_reason(*source, 3), Contains("ends"));
 }
 
-TEST_CASE("The last frames of a stream with B-frames are found though they come without a time") {
+TEST_CASE("The last frames of a stream with B-frames are found without a timestamp") {
   TempDir folder;
   if (!write_video(folder / "b.mp4", "avc1", 10.0)) {
     WARN("this OpenCV cannot write H.264: not tested");
@@ -166,7 +166,7 @@ TEST_CASE("The last frames of a stream with B-frames are found though they come 
   CHECK(drain(*source).frames == Frames{0, 20, 37, 38, 39});
 }
 
-TEST_CASE("Two readings that the length allows, and no landmarks: refused, until an option says which") {
+TEST_CASE("Ambiguous timestamps without landmarks are refused until an option decides") {
   const Clip clip;  // of 4 s
   SlamMap map = bare_map({{0, 0.0}, {1, 0.5}, {2, 1.0}, {3, 1.5}});
   map.cameras[0].fps = 20.0;
@@ -180,7 +180,7 @@ TEST_CASE("Two readings that the length allows, and no landmarks: refused, until
   CHECK(drain(*open_video(map, clip.path, options)).frames == Frames{0, 10, 20, 30});
 }
 
-TEST_CASE("A video that reaches fewer than half of the keyframes is refused, unless that is allowed") {
+TEST_CASE("A video that covers fewer than half of the keyframes is refused unless allowed") {
   const Clip clip;
   const SlamMap map = bare_map({{0, 0.0}, {1, 30.0}, {2, 31.0}});
   CHECK_THROWS_WITH(open_video(map, clip.path), Contains("1 of 3 keyframes") && Contains("--allow-missing"));
@@ -189,7 +189,7 @@ TEST_CASE("A video that reaches fewer than half of the keyframes is refused, unl
   CHECK(drain(*open_video(map, clip.path, options)).ids == Ids{0});
 }
 
-TEST_CASE("What frames show finds the one of the first keyframe") {
+TEST_CASE("The frame of the first keyframe is found by image content") {
   TempDir folder;
   const auto path = folder / "room.avi";
   Frames frames(34);
@@ -204,7 +204,7 @@ TEST_CASE("What frames show finds the one of the first keyframe") {
   CHECK_THAT(source->description(), Contains("by landmarks in the frames"));
 }
 
-TEST_CASE("Timestamps are presentation times or counts of frames, as frames show") {
+TEST_CASE("Timestamps are presentation times or frame counts as determined by image content") {
   TempDir folder;
   const auto path = folder / "room.avi";
   constexpr double kRate = 7.0;  // of a video at 10 fps with dropped frames
@@ -229,7 +229,7 @@ TEST_CASE("Timestamps are presentation times or counts of frames, as frames show
   CHECK(frames_of(*counts) == taken);
 }
 
-TEST_CASE("A video of another place is refused with the options, one that is upside down is left to the check") {
+TEST_CASE("A video of another place is refused and an upside-down one left to the pairing check") {
   TempDir folder;
   std::vector<Shot> shots;
   for (int i = 0; i < 8; ++i) shots.push_back({i, 0.2 * i, 2 * i});
@@ -244,7 +244,7 @@ TEST_CASE("A video of another place is refused with the options, one that is ups
   CHECK_THAT(open_video(room_map(shots), folder / "turned.avi")->description(), Contains("presentation times"));
 }
 
-TEST_CASE("Videos that cannot be used are refused") {
+TEST_CASE("Unusable videos are refused") {
   TempDir folder;
   const SlamMap map = bare_map({{0, 0.0}, {1, 0.1}});
   CHECK_THROWS_WITH(open_video(map, folder / "missing.mp4"), Contains("missing.mp4"));

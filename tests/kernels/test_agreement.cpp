@@ -57,8 +57,7 @@ const k::Rigid kIdentity{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 0}, {}, 0};
 
 }  // namespace
 
-TEST_CASE(
-    "how far a point lies behind a surface is the relative difference of the ranges, and -1 where the map is empty") {
+TEST_CASE("depth behind a surface is the relative difference of the ranges and -1 where the map is empty") {
   const PlaneMap map = wall_map();
   const PlaneMap empty([](const Vec3<double>&) { return Vec3<double>{0.0, 0.0, 0.0}; });
   Draws draws(5);
@@ -79,7 +78,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("agreement with a plane: depth_ratio is the ratio of the ranges, the implied depth is exact") {
+TEST_CASE("agreement with a plane: depth_ratio is the ratio of the ranges and the implied depth is exact") {
   const PlaneMap map = wall_map();
   Draws draws(1);
   int tested = 0;
@@ -157,7 +156,7 @@ TEST_CASE("agreement: the parallax gain is the turn of the direction over the re
   }
 }
 
-TEST_CASE("agreement: a word weighs the inverse fourth power of distance, in any unit of length") {
+TEST_CASE("agreement: a vote is weighted by the inverse fourth power of distance in any unit of length") {
   const PlaneMap map = wall_map();
   Draws draws(4);
   for (int i = 0; i < 1000; ++i) {
@@ -192,7 +191,8 @@ TEST_CASE("expected error: grows with spread, roughness and missing maps, falls 
   CHECK(error(0.001, 0.3, 0.003, 4.0, 0.6) > 1.1 * usual);
   CHECK(error(0.001, 0.3, 0.003, 4.0, -1.0) > 1.3 * usual);
   CHECK(error(0.001, 0.3, 0.003, 4.0, 0.4) > 1.1 * error(0.001, 0.3, 0.003, 4.0, 0.6));
-  CHECK(error(0.001, 0.3, 0.003, 4.0, -1.0) == Approx(error(0.001, 0.3, 0.003, 4.0, 0.3)));  // chance tells no more
+  CHECK(error(0.001, 0.3, 0.003, 4.0, -1.0) ==
+        Approx(error(0.001, 0.3, 0.003, 4.0, 0.3)));  // no lower score than by chance
   const auto of_low_score = [&](double gain) {
     return error(0.001, gain, 0.003, 4.0, 0.5) / error(0.001, gain, 0.003, 4.0);
   };
@@ -202,13 +202,13 @@ TEST_CASE("expected error: grows with spread, roughness and missing maps, falls 
   CHECK(error(0.0, 0.0, 0.0, 0.0) > usual);
   CHECK(k::with_pose_error(usual, 4.0 * 0.25, 4.0, 0.0F) == Approx(usual));
   CHECK(k::with_pose_error(0.003, 4.0 * 0.5, 4.0, 0.002F) == Approx(0.005));  // of two keyframes: 0.004
-  CHECK(k::with_pose_error(usual, 0.0, 0.0, 1.0F) == Approx(usual));          // nobody agrees
+  CHECK(k::with_pose_error(usual, 0.0, 0.0, 1.0F) == Approx(usual));          // no view agrees
   CHECK(std::isfinite(k::with_pose_error(usual, 0.0, 4.0, 1.0F)));
   CHECK(k::confidence_of_error(0.0) == Approx(1.0));
   CHECK(k::confidence_of_error(0.005) == Approx(0.5));
 }
 
-TEST_CASE("agreement: nothing there, behind the other map's surface, or behind the camera gives 0") {
+TEST_CASE("agreement: an empty pixel or a point behind the surface or behind the camera gives 0") {
   const PlaneMap map = wall_map();
   const auto depth_ratio = [&](const Vec3<double>& point, const k::Rigid& other_from_first) {
     const double depth = test::length(point);

@@ -145,7 +145,7 @@ TEST_CASE("cube addresses lie inside the buffer for all directions") {
   }
 }
 
-TEST_CASE("each face is the one of the largest coordinate, and its address is the direction's") {
+TEST_CASE("each face is that of the largest coordinate and its address reproduces the direction") {
   const k::CubeView cube = addresses_only(100);
   Draws draws(5);
   for (int i = 0; i < 20000; ++i) {
@@ -265,7 +265,7 @@ TEST_CASE("the largest faces that the options allow are addressed exactly") {
   }
 }
 
-TEST_CASE("usable cube: large masked areas are 0 with a margin around them, the rest is usable") {
+TEST_CASE("usable cube: large masked areas and a margin around them are 0 and the rest is usable") {
   const std::vector<std::pair<Vec3<double>, double>> areas = {{{0.02, 0.1, -1.0}, 0.15},
                                                               {{0.0, 1.0, 0.02}, 0.3},
                                                               {{0.05, -1.0, 0.0}, 0.1},
@@ -303,7 +303,7 @@ TEST_CASE("an empty cube map has a view without quads: usable everywhere") {
   CHECK(cube_size_for(2) == 8);
 }
 
-TEST_CASE("images are compared at their own width, up to what is asked for, in the depth map's shape") {
+TEST_CASE("images are matched at their own width up to the limit and in the depth map's aspect ratio") {
   const auto size = [](int image_width, int width, int height, double scale) {
     const ImageSize found = compared_size(image_width, width, height, scale);
     return std::pair(found.width, found.height);
@@ -317,7 +317,7 @@ TEST_CASE("images are compared at their own width, up to what is asked for, in t
   CHECK(size(16, 16384, 2, 2.0) == std::pair(16, 2));
 }
 
-TEST_CASE("a panorama keeps what is finer than the depth map's pixels, as far as it is asked to") {
+TEST_CASE("a panorama keeps detail finer than the depth map's pixels up to the requested width") {
   const Executor executor(1);
   Image<Rgb> image(256, 128);
   for (int y = 0; y < 128; ++y) {
@@ -342,7 +342,7 @@ TEST_CASE("a panorama keeps what is finer than the depth map's pixels, as far as
   CHECK(contrast(8.0) == contrast(4.0));  // there are no finer images
 }
 
-TEST_CASE("an image's cube is the same whatever image was before it") {
+TEST_CASE("an image's cube does not depend on the previous image") {
   const Executor executor(2);
   const auto image_of = [](int width, int height, std::uint8_t level) {
     Image<Rgb> image(width, height);
@@ -366,7 +366,7 @@ TEST_CASE("an image's cube is the same whatever image was before it") {
   }
 }
 
-TEST_CASE("a cube comes back from its nodes as it was") {
+TEST_CASE("a cube is restored unchanged from its nodes") {
   pmsp::ThreadPool pool(2);
   for (const int size : {8, 10, 26}) {
     pmsp::Image<float> gray(4 * size, 2 * size);

@@ -49,7 +49,7 @@ double upright_edge(double lon, double /*lat*/) { return 120.0 + 20.0 * std::tan
 
 }  // namespace
 
-TEST_CASE("an edge along the baseline tells nothing of depth, one across it does", "[evidence]") {
+TEST_CASE("an edge along the baseline does not determine depth and one across it does", "[evidence]") {
   const CubeMap level = picture(level_edge);
   const CubeMap upright = picture(upright_edge);
   const k::Baselines sideways = along(0.5F, 0.0F, 0.0F);
@@ -62,7 +62,7 @@ TEST_CASE("an edge along the baseline tells nothing of depth, one across it does
         Approx(evidence(level, 0.0, 0.0, upwards).variance).epsilon(0.05));
 }
 
-TEST_CASE("of several baselines the one counts that goes farthest across the ray", "[evidence]") {
+TEST_CASE("of several baselines the one with the largest parallax counts", "[evidence]") {
   const CubeMap upright = picture(upright_edge);
   k::Baselines both = along(0.0F, -0.5F, 0.0F);
   both.to[both.count++] = {0.7F, 0.0F, 0.0F};
@@ -87,12 +87,12 @@ TEST_CASE("beside an edge the depth of the edge is known, not that of the pixel"
   }
 }
 
-TEST_CASE("light that falls off is no texture", "[evidence]") {
+TEST_CASE("a brightness gradient is no texture", "[evidence]") {
   const CubeMap ramp = picture([](double lon, double lat) { return 100.0 + 30.0 * lon + 20.0 * lat; });
   CHECK(evidence(ramp, 0.3, 0.1, along(0.5F, 0.1F, 0.0F)).variance < 0.01F);
 }
 
-TEST_CASE("errors grow with depth and with what patches do not share", "[evidence]") {
+TEST_CASE("errors grow with depth and with the patch difference", "[evidence]") {
   const float near = k::matching_error(50.0F, 400.0F, 0.95F, kSpacing, 1.0F);
   CHECK(k::matching_error(50.0F, 400.0F, 0.95F, kSpacing, 0.5F) == Approx(2.0F * near).epsilon(1e-3));
   CHECK(k::matching_error(50.0F, 100.0F, 0.95F, kSpacing, 1.0F) == Approx(2.0F * near).epsilon(1e-3));

@@ -43,7 +43,7 @@ float noise_of(const Image<Rgb>& image, int width = kWidth) {
 
 }  // namespace
 
-TEST_CASE("an image's noise is that of its barest places, whatever is elsewhere", "[noise]") {
+TEST_CASE("an image's noise is estimated from its least textured places", "[noise]") {
   CHECK(noise_of(picture(0.0)) < 0.2F);  // of rounding to bytes
   const float two = noise_of(picture(2.0));
   const float four = noise_of(picture(4.0));
@@ -60,13 +60,13 @@ TEST_CASE("a smaller depth map averages noise away", "[noise]") {
   CHECK(noise_of(image, kWidth / 3) < 0.25F * noise_of(image));
 }
 
-TEST_CASE("noise is that of the pixels that are compared, where these have more than those of the map", "[noise]") {
+TEST_CASE("noise is that of the matched pixels if these have more than depth map pixels", "[noise]") {
   const Image<Rgb> image = picture(4.0);
   CHECK(image_noise(image.view(), {}, kWidth / 3, kWidth, pool()) == noise_of(image));
   CHECK(image_noise(image.view(), {}, kWidth, kWidth / 3, pool()) == noise_of(image));
 }
 
-TEST_CASE("what is masked or clipped tells nothing of noise", "[noise]") {
+TEST_CASE("masked or clipped pixels do not affect the noise estimate", "[noise]") {
   Image<Rgb> image = picture(3.0);
   const float noise = noise_of(image);
   Image<std::uint8_t> mask(kWidth, kHeight, 255);

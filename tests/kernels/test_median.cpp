@@ -49,7 +49,7 @@ TEST_CASE("median9 against sorting, with zeros, ties and negative numbers") {
   }
 }
 
-TEST_CASE("median filter: a depth near the median of its neighbourhood stays, one far from it goes") {
+TEST_CASE("median filter: a depth near the median of its neighbourhood stays and one far from it is dropped") {
   const auto around = [](float own) { return Nine{2.0F, 2.02F, 1.98F, 2.01F, own, 1.99F, 2.0F, 2.0F, 2.03F}; };
   CHECK(filtered(around(2.0F), 0.9F) == 2.0F);
   CHECK(filtered(around(2.09F), 0.9F) == 2.09F);
@@ -59,7 +59,7 @@ TEST_CASE("median filter: a depth near the median of its neighbourhood stays, on
   CHECK(filtered(around(2.12F), 0.9F, 0.10F) == 2.12F);
 }
 
-TEST_CASE("median filter: a score below the least goes, however good the depth") {
+TEST_CASE("median filter: a score below the minimum is dropped for any depth") {
   const Nine flat{1, 1, 1, 1, 1, 1, 1, 1, 1};
   CHECK(filtered(flat, 0.1F) == 1.0F);
   CHECK(filtered(flat, 0.0999F) == 0.0F);
@@ -67,7 +67,7 @@ TEST_CASE("median filter: a score below the least goes, however good the depth")
   CHECK(filtered(flat, -1.0F, 0.05F, -1.0F) == 1.0F);
 }
 
-TEST_CASE("median filter: missing neighbours count as the pixel's own depth, a missing pixel stays missing") {
+TEST_CASE("median filter: missing neighbours count as the pixel's own depth and a missing pixel stays missing") {
   CHECK(filtered({0, 0, 0, 0, 3.0F, 0, 0, 0, 0}, 0.9F) == 3.0F);
   CHECK(filtered({9, 9, 9, 9, 3.0F, 0, 0, 0, 0}, 0.9F) == 3.0F);  // 4 against 5
   CHECK(filtered({9, 9, 9, 9, 3.0F, 9, 0, 0, 0}, 0.9F) == 0.0F);
@@ -75,7 +75,7 @@ TEST_CASE("median filter: missing neighbours count as the pixel's own depth, a m
   CHECK(filtered({0, 0, 0, 0, 0.0F, 0, 0, 0, 0}, 0.9F) == 0.0F);
 }
 
-TEST_CASE("median filter knows no unit of length") {
+TEST_CASE("median filter does not depend on the unit of length") {
   Draws draws(2);
   int kept = 0;
   for (int i = 0; i < 5000; ++i) {

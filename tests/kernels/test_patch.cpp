@@ -204,7 +204,7 @@ class TrueSurface {
 
 }  // namespace
 
-TEST_CASE("score: near 1 for the true plane, clearly less for a depth that is 5 % off") {
+TEST_CASE("score: near 1 for the true plane and clearly lower at a depth error of 5 %") {
   REQUIRE(room().samples.size() == 600);
   const std::vector<Source> views = {room().view(0), room().view(2)};
   std::vector<double> at_truth;
@@ -241,7 +241,7 @@ TEST_CASE("score: the true slant beats a plane that faces the camera") {
   CHECK(truth_wins > 0.9 * slanted);
 }
 
-TEST_CASE("score: a neighbour's gain and offset do not matter") {
+TEST_CASE("score: invariant to gain and offset of a source view") {
   const CubeMap dim = cube_of(room().grays[2], 0.6F, 20.0F);
   double sum = 0.0;
   std::vector<double> differences;
@@ -256,7 +256,7 @@ TEST_CASE("score: a neighbour's gain and offset do not matter") {
   CHECK(*std::max_element(differences.begin(), differences.end()) < 0.05);
 }
 
-TEST_CASE("score: without texture it is small and never NaN, in the reference, in the neighbour or in both") {
+TEST_CASE("score: without texture in reference or source view or both it is small and never NaN") {
   for (const float level : {0.0F, 127.3F, 255.0F}) {
     const CubeMap plain = cube_of(Image<float>(kWidth, kHeight, level));
     for (std::size_t i = 0; i < 100; ++i) {
@@ -271,7 +271,7 @@ TEST_CASE("score: without texture it is small and never NaN, in the reference, i
   }
 }
 
-TEST_CASE("score: a nearly plain patch scores far less than the same patch with texture") {
+TEST_CASE("score: a nearly uniform patch scores far lower than the same patch with texture") {
   // a contrast of +- 1 gray level is rounding noise, not texture
   std::vector<Image<float>> faint = {room().grays[1], room().grays[2]};
   for (Image<float>& gray : faint) {
@@ -286,7 +286,7 @@ TEST_CASE("score: a nearly plain patch scores far less than the same patch with 
   CHECK(median(scores) < 0.5);
 }
 
-TEST_CASE("score: the order of the views does not matter") {
+TEST_CASE("score: invariant to the order of the source views") {
   const CubeMap garbage = noise_cube(3);
   std::vector<Source> views = {room().view(0), room().view(2), room().view(0, garbage), room().view(1, garbage)};
   std::vector<int> order = {0, 1, 2, 3};
@@ -310,7 +310,7 @@ TEST_CASE("score: one view twice scores like the view alone") {
   }
 }
 
-TEST_CASE("score: one garbage neighbour lowers it but does not change which depth wins") {
+TEST_CASE("score: one unrelated source view lowers it but does not change the best depth") {
   const CubeMap garbage = noise_cube(5);
   const std::vector<Source> orders[] = {{room().view(2), room().view(0, garbage)},
                                         {room().view(0, garbage), room().view(2)}};
@@ -334,7 +334,7 @@ TEST_CASE("score: one garbage neighbour lowers it but does not change which dept
   CHECK(lower > 0.95 * alone_right);
 }
 
-TEST_CASE("score: a masked neighbour gives -1 and no more") {
+TEST_CASE("score: a masked source view gives exactly -1") {
   ThreadPool pool(0);
   const CubeMap none = make_usable_cube(Image<std::uint8_t>(kWidth, kHeight, 0), cube_size_for(kWidth), 3.0, pool);
   const CubeMap all = make_usable_cube(Image<std::uint8_t>(kWidth, kHeight, 255), cube_size_for(kWidth), 3.0, pool);
@@ -384,7 +384,7 @@ TEST_CASE("score in float and in double agree") {
   CHECK(worst < 1e-3);
 }
 
-TEST_CASE("bilateral weights: a silhouette beside a smooth surface has no say, texture keeps its own") {
+TEST_CASE("bilateral weights: pixels beyond a silhouette have no weight and texture keeps its weight") {
   k::PatchLayout layout = room().layout;
   layout.min_sigma_color = 4.0F;
   layout.max_sigma_color = 20.0F;
@@ -405,7 +405,7 @@ TEST_CASE("bilateral weights: a silhouette beside a smooth surface has no say, t
   CHECK(sigma(smooth, layout) == Approx(20.0));
 }
 
-TEST_CASE("a neighbour's depth map takes from the score what the plane differs from it") {
+TEST_CASE("geometric consistency: the score decreases by the difference to a source view's depth map") {
   const Room& scene = room();
   const k::PatchLayout layout = checking_layout();
   const TrueSurface surface(scene.mission->frames[2]);
@@ -423,12 +423,12 @@ TEST_CASE("a neighbour's depth map takes from the score what the plane differs f
     };
     REQUIRE(lost(1.0) >= 0.0);
     agreed += lost(1.0) < 0.01 ? 1 : 0;
-    REQUIRE(lost(1.0 / 1.3) == Approx(0.5));  // 30 % behind everything that is there
+    REQUIRE(lost(1.0 / 1.3) == Approx(0.5));  // 30 % behind all existing surfaces
   }
   CHECK(agreed > 0.95 * static_cast<double>(scene.samples.size()));
 }
 
-TEST_CASE("a neighbour that something else hides the plane from says nothing of it") {
+TEST_CASE("a source view that sees the plane occluded has no weight") {
   const Room& scene = room();
   const k::PatchLayout layout = checking_layout();
   const TrueSurface before(scene.mission->frames[0]);
@@ -455,11 +455,11 @@ TEST_CASE("a neighbour that something else hides the plane from says nothing of 
   }
   const double count = static_cast<double>(scene.samples.size());
   CHECK(hidden / count == Approx(clear / count).margin(0.03));
-  CHECK(plain / count < hidden / count - 0.1);        // without texture nothing speaks for a plane behind a surface
-  CHECK(both_hidden / count < hidden / count - 0.3);  // somebody has to see it
+  CHECK(plain / count < hidden / count - 0.1);  // without texture there is no evidence for a plane behind a surface
+  CHECK(both_hidden / count < hidden / count - 0.3);  // at least one view must see it
 }
 
-TEST_CASE("a view that finds a pixel's own plane poor has little say about its other planes") {
+TEST_CASE("a source view with a low score for the pixel's plane has little weight for its other hypotheses") {
   const Room& scene = room();
   const CubeMap other_place = noise_cube(31);
   const Source views[3] = {scene.view(0), scene.view(2, other_place), scene.view(2)};
@@ -482,7 +482,7 @@ TEST_CASE("a view that finds a pixel's own plane poor has little say about its o
   CHECK(gained > 0.1);  // a third of the mean over all was its score, which is half of the plane's
 }
 
-TEST_CASE("two views are heard alike, and none is lost where no view finds a plane good") {
+TEST_CASE("two source views have equal weight and none is lost where all scores are low") {
   const Room& scene = room();
   const CubeMap other_place = noise_cube(32);
   const Source views[3] = {scene.view(0, other_place), scene.view(2, other_place), scene.view(0, other_place)};

@@ -31,7 +31,7 @@ constexpr double kSlant = 80.0 * kernels::kPi / 180.0;
 
 }  // namespace
 
-TEST_CASE("a plane keeps the depth and the normal it was made of") {
+TEST_CASE("a plane keeps the depth and the normal it was made from") {
   Draws draws(1);
   for (int i = 0; i < 20000; ++i) {
     const Vec3<double> bearing = draws.direction();
@@ -78,7 +78,7 @@ TEST_CASE("is_allowed: depth and slant at their bounds") {
   CHECK_FALSE(k::is_allowed({nan, nan, nan}, bearing, limits));
 }
 
-TEST_CASE("is_allowed: far planes at any limits, nothing between them and the largest depth") {
+TEST_CASE("is_allowed: far planes at any limits but no plane between them and the largest depth") {
   Draws draws(12);
   for (const double largest : {1.0, 1e3, 1e6}) {
     const k::PlaneLimits limits = limits_of(1e-3 * largest, largest, kSlant);
@@ -92,7 +92,7 @@ TEST_CASE("is_allowed: far planes at any limits, nothing between them and the la
   CHECK_FALSE(k::is_far(0.0F));  // no plane
 }
 
-TEST_CASE("a moved plane holds the same points") {
+TEST_CASE("a transformed plane contains the same points") {
   Draws draws(3);
   int moved = 0;
   for (int i = 0; i < 20000; ++i) {
@@ -123,7 +123,7 @@ TEST_CASE("a moved plane holds the same points") {
   CHECK(moved > 10000);
 }
 
-TEST_CASE("a plane through the camera or behind it is moved to none, not to infinity") {
+TEST_CASE("a plane through the camera or behind it is transformed to none and not to infinity") {
   const Vec3<float> plane{0.0F, 0.0F, 0.5F};  // z = 2
   k::Rigid other_from_here{{1, 0, 0, 0, 1, 0, 0, 0, 1}, {0, 0, 2}, {}, 0};
   for (const float z : {2.0F, 2.0000002F, 3.0F, 1e20F}) {
@@ -137,7 +137,7 @@ TEST_CASE("a plane through the camera or behind it is moved to none, not to infi
   CHECK(k::moved_plane(plane, other_from_here).z == 1.0F);  // one unit nearer
 }
 
-TEST_CASE("random planes: within the limits, log-uniform in depth, slanted to all sides") {
+TEST_CASE("random planes: within the limits and log-uniform in depth and slanted to all sides") {
   const double min_depth = 0.3;
   const double max_depth = 40.0;
   const k::PlaneLimits limits = limits_of(min_depth, max_depth, kSlant);
@@ -214,7 +214,7 @@ TEST_CASE("perturbed planes: bounded steps to both sides, facing the camera") {
   CHECK(turned > 0.3);
 }
 
-TEST_CASE("random steps know no unit of length: planes of a scaled scene are the scaled planes") {
+TEST_CASE("random steps do not depend on the unit of length: planes of a scaled scene are the scaled planes") {
   const k::RandomKey key = k::random_key(3, 5, 1);
   Draws draws(6);
   const k::PlaneLimits limits = limits_of(0.5, 20.0, kSlant);

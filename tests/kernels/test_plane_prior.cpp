@@ -58,7 +58,7 @@ k::PriorCells<k::HostViews> cells_with(int columns, int rows, std::vector<k::Nea
 
 }  // namespace
 
-TEST_CASE("plane priors: what stands in front speaks less against a plane than what lies behind it") {
+TEST_CASE("plane priors: supports in front of a plane contradict it less than supports behind it") {
   const auto seven_of = [](float distance, float others) {
     return around_ahead([=](int d) { return d % 2 == 1 && d < 14 ? distance : others; });
   };
@@ -71,7 +71,7 @@ TEST_CASE("plane priors: what stands in front speaks less against a plane than w
   CHECK(better_wall(4.0F, 3.0F, few) == Approx(3.0F));
 }
 
-TEST_CASE("plane priors: a plane is not drawn beyond the supports that lie on it") {
+TEST_CASE("plane priors: a plane is not extended beyond its supports") {
   const auto first = [](int count) { return around_ahead([=](int d) { return d < count ? 4.0F : 0.0F; }); };
   CHECK(better_wall(4.0F, 4.0F, first(16)) == Approx(4.0F));
   CHECK(better_wall(4.0F, 4.0F, first(10)) == Approx(4.0F));
@@ -81,9 +81,9 @@ TEST_CASE("plane priors: a plane is not drawn beyond the supports that lie on it
   CHECK_FALSE(k::surround(0U));
 }
 
-TEST_CASE("plane priors: a plane is fitted to the supports near it, the more certain ones count more") {
+TEST_CASE("plane priors: a plane is fitted to the supports near it weighted by their confidence") {
   k::NearestSupports around = around_ahead([](int d) { return d % 4 == 0 ? 4.06F : 4.0F; });
-  move(around, 3, 2.0F);  // of something else
+  move(around, 3, 2.0F);  // of another surface
   const float even = 1.0F / k::refitted(around, wall(4.03F)).z;
   CHECK(even > 4.001F);
   CHECK(even < 4.03F);
@@ -91,7 +91,7 @@ TEST_CASE("plane priors: a plane is fitted to the supports near it, the more cer
   CHECK(1.0F / k::refitted(around, wall(4.03F)).z == Approx(4.0F).margin(0.002F));
 }
 
-TEST_CASE("plane priors: a cell takes the plane of another one where it explains more, across the seam too") {
+TEST_CASE("plane priors: a cell takes the plane of another cell with more inliers also across the seam") {
   constexpr int kColumns = 8;
   constexpr int kRows = 4;
   std::vector<k::NearestSupports> around(kColumns * kRows);
@@ -132,7 +132,7 @@ TEST_CASE("plane priors: a cell takes the plane of another one where it explains
   }
 }
 
-TEST_CASE("plane priors: of all planes through three supports the best is found, however many share the work") {
+TEST_CASE("plane priors: the best plane through three supports is found for any number of threads") {
   std::vector<k::NearestSupports> around{
       around_ahead([](int d) { return 3.0F + 0.02F * static_cast<float>(d * 7 % 16); })};
   for (int d = 9; d < 15; ++d) move(around[0], d, 4.0F / around[0].z[d]);
@@ -164,7 +164,7 @@ TEST_CASE("plane priors: of all planes through three supports the best is found,
   }
 }
 
-TEST_CASE("plane priors: given planes are corrected by the supports around, unless these contradict each other") {
+TEST_CASE("plane priors: given planes are corrected by the supports around unless these contradict each other") {
   constexpr int kColumns = 64;
   constexpr int kRows = 32;
   constexpr int kColumn = 32;
@@ -218,7 +218,7 @@ TEST_CASE("plane priors: a plane that agrees with a given one is fitted to all s
   CHECK(1.0F / plane.z < 4.03F);
 }
 
-TEST_CASE("plane priors: pixels around a support are looked for across the seam") {
+TEST_CASE("plane priors: pixels around a support are found across the seam") {
   constexpr int kWidth = 32;
   constexpr int kHeight = 16;
   const SphereGrid grid(kWidth, kHeight);
@@ -237,7 +237,7 @@ TEST_CASE("plane priors: pixels around a support are looked for across the seam"
   }
 }
 
-TEST_CASE("plane priors: only pixels whose depth the picture does not tell have one") {
+TEST_CASE("plane priors: only pixels without evidence of depth in the image have one") {
   constexpr int kSide = 8;  // of a map of one cell
   const std::vector<float> x(kSide * kSide, 0.0F);
   const std::vector<float> score(kSide * kSide, 0.9F);
@@ -259,7 +259,7 @@ TEST_CASE("plane priors: only pixels whose depth the picture does not tell have 
   cells.columns = cells.rows = 1;
   cells.found = found.data();
   variance[3 * kSide + 3] = 1.0F;    // no texture
-  certainty[4 * kSide + 4] = 1e-3F;  // none that tells depth
+  certainty[4 * kSide + 4] = 1e-3F;  // none that determines depth
   z[3 * kSide + 4] = 0.0F;           // no plane to begin with
   variance[3 * kSide + 4] = 1.0F;
   for (int row = 0; row < kSide; ++row) {

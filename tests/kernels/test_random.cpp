@@ -62,7 +62,7 @@ void check_independent(const char* what, const Sequence& a, const Sequence& b) {
 
 }  // namespace
 
-TEST_CASE("the draws are these, on every machine and in every version: depth maps depend on them") {
+TEST_CASE("the draws are the same on every machine and in every version") {
   CHECK(k::mix(1U) == 0x688990c0U);
   CHECK(k::mix(0x12345678U) == 0xf5e71c96U);
   CHECK(k::mix(0xffffffffU) == 0x6768824aU);
@@ -90,7 +90,7 @@ TEST_CASE("the draws are these, on every machine and in every version: depth map
   }
 }
 
-TEST_CASE("draws of all number types are equal, multiples of 2^-24 from 0 to less than 1") {
+TEST_CASE("draws of all number types are equal multiples of 2^-24 from 0 to less than 1") {
   const k::RandomKey key = k::random_key(7, 21, 1);
   for (std::uint32_t pixel = 0; pixel < 100000; ++pixel) {
     const float value = k::uniform<float>(key, pixel, pixel % 5);

@@ -142,7 +142,7 @@ TEST_CASE("enlarging interpolates linearly between pixel centres, x wraps, y doe
   }
 }
 
-TEST_CASE("rows with a stride are read as they lie") {
+TEST_CASE("rows with a stride are read correctly") {
   ThreadPool pool(1);
   const Image<Rgb> image = random_image(48, 16, 5);
   const ImageView<const Rgb> part(image.view().data + 8, 32, 16, 48);
@@ -155,7 +155,7 @@ TEST_CASE("rows with a stride are read as they lie") {
   CHECK(a.pixels() == b.pixels());
 }
 
-TEST_CASE("shrink_mask: a pixel is usable exactly when all that it covers is") {
+TEST_CASE("shrink_mask: a pixel is usable exactly if all covered pixels are usable") {
   Draws draws(6);
   for (const auto& size : {std::make_pair(16, 8), {50, 26}, {64, 32}, {62, 30}, {96, 48}, {130, 66}}) {
     Image<std::uint8_t> mask(64, 32, 255);

@@ -19,14 +19,14 @@ Eigen::Vector3d direction(Draws& draws) {
   return {it.x, it.y, it.z};
 }
 
-/// What the lens that sees it has of a point of the camera's frame.
+/// A point of the camera's frame in the frame of the lens that sees it.
 Eigen::Vector3d from_lens(const Eigen::Vector3d& point, double lens, bool forward) {
   return point - Eigen::Vector3d(0.0, 0.0, forward ? lens : -lens);
 }
 
 }  // namespace
 
-TEST_CASE("a point goes from the lens that sees it in one keyframe to the one that sees it in the other") {
+TEST_CASE("a point is transformed between the lenses that see it in two keyframes") {
   Draws draws(31);
   int changed = 0;
   for (int i = 0; i < 200; ++i) {
@@ -55,7 +55,7 @@ TEST_CASE("a point goes from the lens that sees it in one keyframe to the one th
   CHECK(changed > 50);
 }
 
-TEST_CASE("points are handed out from the camera's centre, whichever lens has seen them") {
+TEST_CASE("points are relative to the camera's centre for either lens") {
   constexpr float kLens = 0.02F;
   const SphereGrid grid(16, 8);
   const kernels::Vec3<float> gray{90.0F, 90.0F, 90.0F};
@@ -72,7 +72,7 @@ TEST_CASE("points are handed out from the camera's centre, whichever lens has se
   }
 }
 
-TEST_CASE("without a distance of lenses nothing changes, to the last bit") {
+TEST_CASE("without a lens distance results are bit-identical") {
   Draws draws(32);
   for (int i = 0; i < 50; ++i) {
     const KeyframePose first{draws.transform(kernels::kPi, 1.0), 1.0};

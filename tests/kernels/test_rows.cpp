@@ -60,7 +60,7 @@ void check_neighbours(int width, int height) {
 
 }  // namespace
 
-TEST_CASE("neighbour offsets: eight different ones, all of the other colour, symmetric") {
+TEST_CASE("neighbour offsets: eight distinct and symmetric ones of the other colour") {
   int sum_x = 0;
   int sum_y = 0;
   for (int i = 0; i < kernels::kNeighbourOffsets; ++i) {
@@ -77,7 +77,7 @@ TEST_CASE("neighbour offsets: eight different ones, all of the other colour, sym
   CHECK(sum_y == 0);
 }
 
-TEST_CASE("neighbours lie where geometry says, at the seam and beyond the poles, for even and odd half widths") {
+TEST_CASE("neighbours follow the geometry at the seam and beyond the poles for even and odd half widths") {
   const std::vector<std::pair<int, int>> sizes = {{6, 4},   {6, 6},   {8, 4},   {10, 6},  {14, 8},  {16, 16},
                                                   {22, 10}, {32, 16}, {34, 18}, {64, 32}, {66, 34}, {130, 66}};
   for (const auto& size : sizes) {

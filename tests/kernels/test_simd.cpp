@@ -55,7 +55,7 @@ void run_rows(Simd simd, const Stage& stage) {
   inside(executor).run(stage);
 }
 
-/// Whether the median filter keeps each pixel: 1 or 0, and what stands behind them.
+/// Whether the median filter keeps each pixel: 1 or 0, and the memory behind them.
 std::vector<float> medians(Simd simd, const std::vector<float>& depth, const std::vector<float>& score, int width,
                            int height) {
   const SphereGrid grid(width, height);
@@ -143,7 +143,7 @@ struct CompareInput {
   k::Rigid other_from_first{};
 };
 
-/// Confidences after the consistency filter, and what stands behind them.
+/// Confidences after the consistency filter, and the memory behind them.
 std::vector<float> compare(Simd simd, const CompareInput& input) {
   const k::PlaneMapView own{input.own[0].data(), input.own[1].data(), input.own[2].data(),
                             input.grid.width(),  input.grid.height(), input.score.data()};

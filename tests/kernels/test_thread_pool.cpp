@@ -38,7 +38,7 @@ TEST_CASE("thousands of short loops in a row lose no index and do not hang") {
   for (int loop = 0; loop < 1000; ++loop) REQUIRE(visits(pool, 5) == std::vector<int>(5, 1));
 }
 
-TEST_CASE("what a loop wrote is visible after it") {
+TEST_CASE("writes of a loop are visible after it") {
   ThreadPool pool(3);
   std::vector<int> values(2000, 0);
   pool.for_each(2000, [&](int i) { values[static_cast<std::size_t>(i)] = i; });
@@ -59,7 +59,7 @@ TEST_CASE("an exception reaches the caller, ends the loop early and leaves the p
   }
 }
 
-TEST_CASE("when all calls throw, one exception arrives and the next loop starts clean") {
+TEST_CASE("if all calls of a loop throw one exception arrives and the next loop starts clean") {
   ThreadPool pool(4);
   REQUIRE_THROWS_AS(pool.for_each(100, [](int i) { throw std::out_of_range(std::to_string(i)); }), std::out_of_range);
   REQUIRE_NOTHROW(pool.for_each(100, [](int) {}));
@@ -71,7 +71,7 @@ TEST_CASE("a pool of one thread works in the caller") {
   pool.for_each(10, [&](int) { CHECK(std::this_thread::get_id() == caller); });
 }
 
-TEST_CASE("0 threads stands for one for each usable CPU") {
+TEST_CASE("0 threads selects one thread per usable CPU") {
   CHECK(pmsp::usable_cpus() >= 1);
   CHECK(ThreadPool(0).threads() == pmsp::usable_cpus());
 }

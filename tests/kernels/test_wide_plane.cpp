@@ -46,7 +46,7 @@ std::vector<k::WidePlane> found_in(const std::vector<std::uint32_t>& surfels) {
 
 }  // namespace
 
-TEST_CASE("wide planes: each side of a cube takes a sixth of the sphere, at the poles too") {
+TEST_CASE("wide planes: each side of a cube covers a sixth of the sphere also at the poles") {
   const SphereGrid grid(kWidth, kHeight);
   int upward = 0;
   int level = 0;
@@ -61,7 +61,7 @@ TEST_CASE("wide planes: each side of a cube takes a sixth of the sphere, at the 
   CHECK(level > 20);
 }
 
-TEST_CASE("wide planes: of a long room the widest sides are chosen, each once") {
+TEST_CASE("wide planes: the widest sides of a long room are each chosen once") {
   const SphereGrid grid(kWidth, kHeight);
   // Floor and ceiling take most of the sphere, then the long walls.
   const std::vector<k::WidePlane> found = found_in(inside_box(grid.view(), {2.0F, 1.0F, 6.0F}));

@@ -13,7 +13,7 @@
 
 namespace pmsp::test {
 
-/// A mission's keyframe as a SLAM hands it over; its pixels stay as long as the mission.
+/// A mission's keyframe as passed by a SLAM; its pixels live as long as the mission.
 LiveKeyframe live_keyframe(const synth::Mission& mission, std::size_t index);
 std::vector<LiveKeyframe> live_keyframes(const synth::Mission& mission);
 
@@ -25,15 +25,15 @@ const synth::Mission& room();
 /// The online preset on small images, without previews, so that results do not depend on time.
 LiveOptions small_live(int width);
 
-/// So long no work takes.
+/// Timeout longer than any work.
 constexpr std::chrono::minutes kLong{30};
 
-/// What comes of keyframes that are all known before any is worked on. Throws where that fails.
+/// Results of keyframes that are all passed before any is densified. Throws if that fails.
 std::shared_ptr<const LiveSnapshot> at_once(const std::vector<LiveKeyframe>& keyframes, const LiveOptions& options);
 
 std::vector<std::int64_t> ids_of(const LiveSnapshot& snapshot);
 
-/// How good the final points of a snapshot are.
+/// Accuracy and completeness of the final points of a snapshot.
 struct LiveFigures {
   std::size_t clouds = 0;
   std::size_t points = 0;

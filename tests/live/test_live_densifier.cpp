@@ -20,7 +20,7 @@ using namespace pmsp::test;
 
 namespace {
 
-/// Tells a flight, from its first keyframe to its map.
+/// Passes a mission, from its first keyframe to its map.
 void fly_all(LiveDensifier& live, const std::vector<LiveKeyframe>& keyframes) {
   for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
   live.finish();
@@ -29,7 +29,7 @@ void fly_all(LiveDensifier& live, const std::vector<LiveKeyframe>& keyframes) {
 
 }  // namespace
 
-TEST_CASE("A live flight ends with points as good as those of a Densifier", PMSP_ACCURACY) {
+TEST_CASE("LiveDensifier and Densifier reach the same accuracy and completeness on the same mission", PMSP_ACCURACY) {
   const LiveOptions options = small_live(kRoomWidth);
   const LiveFigures live = figures(*at_once(live_keyframes(room()), options), room());
   LiveSnapshot offline;
@@ -51,7 +51,7 @@ TEST_CASE("A live flight ends with points as good as those of a Densifier", PMSP
   CHECK(live.right > expected.right - 0.04);  // of more points
 }
 
-TEST_CASE("What is done when all is known from the start does not depend on time, threads or pixel formats") {
+TEST_CASE("A mission known from the start gives the same points for any timing and threads and pixel formats") {
   LiveOptions options = small_live(kRoomWidth);
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   const auto first = at_once(keyframes, options);
@@ -74,7 +74,7 @@ TEST_CASE("What is done when all is known from the start does not depend on time
   CHECK(same_points(*first, *at_once(bgr, options)));
 }
 
-TEST_CASE("Landmarks that are told of after their keyframe are as good as those that came with it") {
+TEST_CASE("Landmarks passed after their keyframe are used like those passed with it") {
   const LiveOptions options = small_live(kRoomWidth);
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   LiveDensifier live(options);
@@ -90,7 +90,7 @@ TEST_CASE("Landmarks that are told of after their keyframe are as good as those 
   CHECK(same_points(*live.snapshot(), *at_once(keyframes, options)));
 }
 
-TEST_CASE("Images are let go of when they are no longer needed") {
+TEST_CASE("Images are released when no longer needed") {
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   std::vector<std::weak_ptr<const void>> images;
   for (LiveKeyframe& keyframe : keyframes) {
@@ -107,7 +107,7 @@ TEST_CASE("Images are let go of when they are no longer needed") {
   for (const auto& image : images) CHECK(image.expired());
 }
 
-TEST_CASE("Snapshots show what update, erase and reset have said when these return") {
+TEST_CASE("Snapshots show the effect of update and erase and reset once these return") {
   LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   fly_all(live, keyframes);
@@ -130,10 +130,10 @@ TEST_CASE("Snapshots show what update, erase and reset have said when these retu
   live.reset();
   CHECK(live.snapshot()->clouds.empty());
   CHECK(live.changes_since(before->version).reset);
-  CHECK(before->clouds.size() >= 4);  // still there for who holds it
+  CHECK(before->clouds.size() >= 4);  // still valid for its holder
 }
 
-TEST_CASE("Of a removed keyframe's points a neighbour takes those that it has seen, too") {
+TEST_CASE("Points of a removed keyframe are replaced by those of a neighbour that saw the same surface") {
   LiveOptions options = small_live(kRoomWidth);
   LiveDensifier live(options);
   for (const LiveKeyframe& keyframe : live_keyframes(room())) live.add(keyframe);
@@ -159,7 +159,7 @@ TEST_CASE("Of a removed keyframe's points a neighbour takes those that it has se
   }
 }
 
-TEST_CASE("Points that a removed keyframe was asked about are asked about again, however far away") {
+TEST_CASE("Points tested against a removed keyframe are tested again at any distance") {
   LiveDensifier live(small_live(kRoomWidth));
   for (const LiveKeyframe& keyframe : live_keyframes(room())) live.add(keyframe);
   live.finish();
@@ -169,10 +169,10 @@ TEST_CASE("Points that a removed keyframe was asked about are asked about again,
   REQUIRE(live.wait(kLong));
   const auto after = live.snapshot();
   REQUIRE(after->clouds.size() + 1 == before->clouds.size());
-  CHECK(after->clouds.back().cloud_since > before->version);  // no depth map that its points are made of is gone
+  CHECK(after->clouds.back().cloud_since > before->version);  // no depth map of its points is removed
 }
 
-TEST_CASE("Points are asked about again when a keyframe moves that has looked at them from afar") {
+TEST_CASE("Points are tested again when a distant keyframe that saw them moves") {
   LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   fly_all(live, keyframes);
@@ -190,7 +190,7 @@ TEST_CASE("Points are asked about again when a keyframe moves that has looked at
   CHECK(live.snapshot()->clouds.back().cloud_since > before->version);
 }
 
-TEST_CASE("Where one pass of PatchMatch is all, its map goes through the median by colours, too") {
+TEST_CASE("With a single PatchMatch pass the depth map still gets the weighted median") {
   LiveOptions options = small_live(kRoomWidth);
   options.densifier.advanced.patchmatch.geometric_passes = 0;
   const auto weighted = at_once(live_keyframes(room()), options);
@@ -198,7 +198,7 @@ TEST_CASE("Where one pass of PatchMatch is all, its map goes through the median 
   CHECK_FALSE(same_points(*weighted, *at_once(live_keyframes(room()), options)));
 }
 
-TEST_CASE("A map that has moved as a whole is asked about once") {
+TEST_CASE("A map that moves as a whole is tested again once") {
   LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   fly_all(live, keyframes);
@@ -217,7 +217,7 @@ TEST_CASE("A map that has moved as a whole is asked about once") {
   CHECK(shift(1e-9) == after);
 }
 
-TEST_CASE("Of a removed keyframe's points those take theirs back that have seen the place at another time",
+TEST_CASE("Removing a keyframe restores the duplicates dropped in keyframes of another pass of the same place",
           PMSP_ACCURACY) {
   LiveOptions options = small_live(kRoomWidth);
   options.densifier.advanced.free_space.whole_mission = true;
@@ -251,12 +251,12 @@ TEST_CASE("Of a removed keyframe's points those take theirs back that have seen 
   CHECK(points_at_first() > shared + shared / 10);
 }
 
-TEST_CASE("After a reset ids may begin again, and nothing of before comes back") {
+TEST_CASE("After a reset ids may be reused and no previous results appear") {
   LiveDensifier live(small_live(kRoomWidth));
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   for (int round = 0; round < 3; ++round) {
     for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
-    if (round < 2) live.reset();  // in the midst of work
+    if (round < 2) live.reset();  // during work
   }
   live.finish();
   REQUIRE(live.wait(kLong));
@@ -267,7 +267,7 @@ TEST_CASE("After a reset ids may begin again, and nothing of before comes back")
   CHECK(ids_of(*snapshot) == ids_of(*at_once(keyframes, options)));
 }
 
-TEST_CASE("Points that are ready when another keyframe has the id already are not shown as that one's") {
+TEST_CASE("Points finished after their keyframe id was reused are discarded") {
   LiveOptions options = small_live(kRoomWidth);
   options.densifier.advanced.patchmatch.geometric_passes = 1;
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
@@ -275,14 +275,14 @@ TEST_CASE("Points that are ready when another keyframe has the id already are no
   LiveKeyframe other = keyframes[4];
   const std::vector<std::int64_t> ids = ids_of(*at_once(keyframes, options));
   REQUIRE(std::count(ids.begin(), ids.end(), other.id) == 1);
-  other.map_id = 7;  // alone there, it never gets points
+  other.map_id = 7;  // without others, it never gets points
   LiveDensifier* told = nullptr;
   bool replaced = false;
   bool in_the_midst = false;
   LiveCallbacks callbacks;
   callbacks.changed = [&](LiveVersion) {
     if (std::exchange(replaced, true)) {
-      in_the_midst = in_the_midst || told->stats().clouds == 0;  // not counted until all of them are there
+      in_the_midst = in_the_midst || told->stats().clouds == 0;  // not counted until all exist
       return;
     }
     told->erase({other.id});
@@ -302,7 +302,7 @@ TEST_CASE("Points that are ready when another keyframe has the id already are no
   CHECK(std::count(left.begin(), left.end(), other.id) == 0);
 }
 
-TEST_CASE("sync finds what is new, moved and gone") {
+TEST_CASE("sync detects added and moved and removed keyframes") {
   LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   std::vector<LiveKeyframe> some(keyframes.begin(), keyframes.end() - 1);
@@ -329,7 +329,7 @@ TEST_CASE("sync finds what is new, moved and gone") {
   CHECK_THROWS_AS(live.sync(keyframes), InvalidInput);
 }
 
-TEST_CASE("The end of a map that the SLAM has left is worked on when another has begun") {
+TEST_CASE("The last keyframes of a map are densified once another map begins") {
   LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
@@ -347,7 +347,7 @@ TEST_CASE("The end of a map that the SLAM has left is worked on when another has
   CHECK(of_first == whole.size());
 }
 
-TEST_CASE("Preliminary points come with the keyframes after theirs, and give way to final ones") {
+TEST_CASE("Preliminary points appear after the following keyframes and are replaced by final ones") {
   LiveOptions options = small_live(kSanitized ? 64 : kRoomWidth);
   options.previews = true;
   LiveDensifier live(options);
@@ -370,13 +370,13 @@ TEST_CASE("Preliminary points come with the keyframes after theirs, and give way
   options.previews = false;
   const std::vector<std::int64_t> final = ids_of(*at_once(keyframes, options));
   const auto last = live.snapshot();
-  CHECK(ids_of(*last) == final);  // those that are not used have none any more
+  CHECK(ids_of(*last) == final);  // unused ones have none any more
   for (const LiveCloud& cloud : last->clouds) CHECK(!cloud.preliminary);
 }
 
 namespace {
 
-/// The room, whose walls have no texture, with the true depth beside each image.
+/// The room with textureless walls, with the true depth of each image.
 std::vector<LiveKeyframe> keyframes_with_depth(const synth::Mission& mission) {
   std::vector<LiveKeyframe> keyframes = live_keyframes(mission);
   for (std::size_t i = 0; i < keyframes.size(); ++i) {
@@ -388,7 +388,7 @@ std::vector<LiveKeyframe> keyframes_with_depth(const synth::Mission& mission) {
 
 }  // namespace
 
-TEST_CASE("Preliminary points are made with poses as they are then", PMSP_ACCURACY) {
+TEST_CASE("Preliminary points use the current poses", PMSP_ACCURACY) {
   LiveOptions options = small_live(kRoomWidth);
   options.previews = true;
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
@@ -422,12 +422,11 @@ TEST_CASE("Preliminary points are made with poses as they are then", PMSP_ACCURA
   CHECK(points_of_third(true) > still * 9 / 10);
 }
 
-TEST_CASE("Depth from elsewhere helps where there is no texture, in the unit that the SLAM had",
-          "[live]" PMSP_ACCURACY) {
+TEST_CASE("Prior depth fills textureless surfaces in the map units it was passed in", "[live]" PMSP_ACCURACY) {
   const synth::Mission mission = synth::painted_room(small_recipe(kRoomWidth, kRoomKeyframes));
   LiveOptions options = small_live(kRoomWidth);
   options.densifier.advanced.median.weighted =
-      false;  // in so small a map its window is as wide as a picture on the wall
+      false;  // in a map this small its window is as wide as a picture on the wall
   const LiveFigures without = figures(*at_once(live_keyframes(mission), options), mission);
   const std::vector<LiveKeyframe> keyframes = keyframes_with_depth(mission);
   const LiveFigures with = figures(*at_once(keyframes, options), mission);
@@ -435,7 +434,7 @@ TEST_CASE("Depth from elsewhere helps where there is no texture, in the unit tha
   CHECK(with.right > without.right);
   CHECK(with.covered > without.covered);
 
-  // The SLAM finds that the world is half as large before the first one is prepared.
+  // The SLAM halves the map's scale before the first one is prepared.
   LiveDensifier live(options);
   live.pause();
   for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
@@ -457,7 +456,7 @@ TEST_CASE("Depth from elsewhere helps where there is no texture, in the unit tha
   CHECK(rescaled.covered > with.covered - 0.02);
 }
 
-TEST_CASE("Depth from elsewhere that is too small is refused", "[live]") {
+TEST_CASE("Prior depth of too low resolution is refused", "[live]") {
   LiveDensifier live(small_live(kRoomWidth));
   LiveKeyframe keyframe = live_keyframe(room(), 0);
   keyframe.prior_depth = std::make_shared<const Image<float>>(8, 4, 1.0F);

@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kDistance = 0.03;
 
-/// Through a room, with images that are large enough to find the lenses.
+/// Through a room, with images large enough to estimate the lens distance.
 const synth::Mission& cheap() {
   static const synth::Mission kCheap = [] {
     synth::Recipe recipe;
@@ -46,13 +46,12 @@ void end(LiveDensifier& live) {
 
 }  // namespace
 
-TEST_CASE("A live flight finds the distance of its lenses, and what was matched before is matched anew",
-          PMSP_ACCURACY) {
+TEST_CASE("A live mission estimates the lens distance and matches earlier keyframes again", PMSP_ACCURACY) {
   LiveOptions options = small_live(320);
   LiveDensifier live(options);
   const std::vector<LiveKeyframe> keyframes = live_keyframes(cheap());
   for (std::size_t i = 0; i < 7; ++i) live.add(keyframes[i]);
-  end(live);  // too few to tell
+  end(live);  // too few to estimate
   CHECK(live.stats().lens_distance == 0.0);
   const double ignored = error_of(*live.snapshot(), cheap());
   for (std::size_t i = 7; i < keyframes.size(); ++i) live.add(keyframes[i]);
@@ -69,7 +68,7 @@ TEST_CASE("A live flight finds the distance of its lenses, and what was matched 
   CHECK(live.stats().lens_distance == Approx(kDistance).epsilon(0.15));
 }
 
-TEST_CASE("Lenses are not told from places of two maps, nor from what is gone", PMSP_ACCURACY) {
+TEST_CASE("The lens distance is not estimated across maps or from erased keyframes", PMSP_ACCURACY) {
   LiveOptions options = small_live(64);
   std::vector<LiveKeyframe> keyframes = live_keyframes(cheap());
   SECTION("two maps") {
@@ -90,7 +89,7 @@ TEST_CASE("Lenses are not told from places of two maps, nor from what is gone", 
   }
 }
 
-TEST_CASE("Lenses are looked at with poses as they are then", PMSP_ACCURACY) {
+TEST_CASE("The lens distance is estimated with the current poses", PMSP_ACCURACY) {
   LiveOptions options = small_live(64);
   options.stable_after = options.stable_at_latest = 0;
   const std::vector<LiveKeyframe> keyframes = live_keyframes(cheap());
@@ -111,7 +110,7 @@ TEST_CASE("Lenses are looked at with poses as they are then", PMSP_ACCURACY) {
   CHECK(live.stats().lens_distance == Approx(kDistance).epsilon(0.15));
 }
 
-TEST_CASE("A distance that is given, or not wanted, stays", PMSP_ACCURACY) {
+TEST_CASE("A given or disabled lens distance is not estimated", PMSP_ACCURACY) {
   LiveOptions options = small_live(64);
   const std::vector<LiveKeyframe> keyframes = live_keyframes(cheap());
   const auto distance = [&] {
@@ -128,7 +127,7 @@ TEST_CASE("A distance that is given, or not wanted, stays", PMSP_ACCURACY) {
   CHECK(distance() == 0.01);
 }
 
-TEST_CASE("A camera with one centre has the points that it has when nobody looks at its lenses") {
+TEST_CASE("A single-centre camera gives the same points with and without lens estimation") {
   LiveOptions options = small_live(32);
   const auto looked = at_once(live_keyframes(room()), options);
   options.calibrate_lenses = false;
@@ -137,7 +136,7 @@ TEST_CASE("A camera with one centre has the points that it has when nobody looks
   CHECK(same_points(*looked, *not_looked));
 }
 
-TEST_CASE("A live flight finds its rig, and no cloud shows it", PMSP_ACCURACY) {
+TEST_CASE("A live mission finds its rig mask and no points lie on the rig", PMSP_ACCURACY) {
   synth::Recipe recipe;
   recipe.keyframes = 10;
   recipe.rider = true;

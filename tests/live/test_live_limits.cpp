@@ -21,9 +21,9 @@ using namespace pmsp;
 using namespace pmsp::test;
 using std::chrono::milliseconds;
 
-// A LiveDensifier that must wait, falls behind, runs short of memory, is given nonsense or called by all at once.
+// LiveDensifier under load: waiting keyframes, overload, memory limits, invalid input and concurrent calls.
 
-TEST_CASE("A keyframe waits for some newer ones, and while it moves for more of them") {
+TEST_CASE("A keyframe waits for newer ones until its pose is stable") {
   LiveOptions options = small_live(32);
   options.stable_after = 2;
   options.stable_at_latest = 12;
@@ -45,12 +45,12 @@ TEST_CASE("A keyframe waits for some newer ones, and while it moves for more of 
     CAPTURE(is_moving, added);
     CHECK(live.backlog().unstable == std::min(added, waits_for));
   }
-  live.finish();  // nobody comes any more
+  live.finish();  // no more keyframes
   REQUIRE(live.wait(kLong));
   CHECK(live.backlog().unstable == 0);
 }
 
-TEST_CASE("When too many keyframes wait, those between near neighbours are left out") {
+TEST_CASE("When more than max_waiting keyframes wait those between near neighbours are skipped") {
   LiveOptions options = small_live(32);
   options.max_waiting = 4;
   LiveDensifier live(options);
@@ -65,7 +65,7 @@ TEST_CASE("When too many keyframes wait, those between near neighbours are left 
   CHECK(live.snapshot()->clouds.size() >= 2);
 }
 
-TEST_CASE("A place that has been seen often enough takes no more memory", PMSP_ACCURACY) {
+TEST_CASE("A crowded place takes no more memory", PMSP_ACCURACY) {
   LiveOptions options = small_live(32);
   options.densifier.advanced.view_filter.enabled = false;
   options.densifier.advanced.patchmatch.geometric_passes = 1;
@@ -87,7 +87,7 @@ TEST_CASE("A place that has been seen often enough takes no more memory", PMSP_A
   CHECK(live.stats().errors == 0);
 }
 
-TEST_CASE("A place that has been seen often enough stays one when the SLAM changes its unit") {
+TEST_CASE("A crowded place stays crowded when the map units change") {
   LiveOptions options = small_live(32);
   options.densifier.advanced.view_filter.enabled = false;
   options.densifier.advanced.patchmatch.geometric_passes = 1;
@@ -116,7 +116,7 @@ TEST_CASE("A place that has been seen often enough stays one when the SLAM chang
   CHECK(live.stats().used == used);
 }
 
-TEST_CASE("What is kept stays within the memory that is allowed", PMSP_ACCURACY) {
+TEST_CASE("Cached results stay within memory_mib", PMSP_ACCURACY) {
   LiveOptions options = small_live(width_of_any(128));
   options.densifier.advanced.view_filter.enabled = false;
   options.densifier.advanced.patchmatch.geometric_passes = 1;
@@ -141,17 +141,17 @@ TEST_CASE("What is kept stays within the memory that is allowed", PMSP_ACCURACY)
   options.memory_mib = 1;
   options.densifier.width = 256;
   options.densifier.height = 128;
-  CHECK_THROWS_AS(LiveDensifier(options), InvalidOption);  // too little for any points
+  CHECK_THROWS_AS(LiveDensifier(options), InvalidOption);  // too little memory for any points
 }
 
-TEST_CASE("Images that come while work stands still do not fill the memory") {
+TEST_CASE("Pending images while paused stay within memory_mib") {
   LiveOptions options = small_live(width_of_any(128));
   options.memory_mib = kSanitized ? 2 : 9;
   LiveDensifier live(options);
   live.pause();
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   constexpr std::int64_t kCount = kSanitized ? 2200 : 500;
-  constexpr std::int64_t kMost = kSanitized ? 1500 : 400;  // more than finds room
+  constexpr std::int64_t kMost = kSanitized ? 1500 : 400;  // more than fit into memory
   for (std::int64_t id = 0; id < kCount; ++id) {
     LiveKeyframe keyframe = keyframes[static_cast<std::size_t>(id) % keyframes.size()];
     keyframe.id = id;
@@ -163,7 +163,7 @@ TEST_CASE("Images that come while work stands still do not fill the memory") {
   CHECK(live.backlog().unstable <= kMost);
 }
 
-TEST_CASE("What waits when all is reset takes no part in what comes then") {
+TEST_CASE("Keyframes pending at a reset do not affect later results") {
   const LiveOptions options = small_live(kRoomWidth);
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   LiveDensifier live(options);
@@ -180,7 +180,7 @@ TEST_CASE("What waits when all is reset takes no part in what comes then") {
   CHECK(same_points(*live.snapshot(), *at_once(keyframes, options)));
 }
 
-TEST_CASE("What callbacks throw is counted, and changes nothing") {
+TEST_CASE("Exceptions of callbacks are counted and change no result") {
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   std::atomic<int> calls{0};
   LiveCallbacks callbacks;
@@ -201,7 +201,7 @@ TEST_CASE("What callbacks throw is counted, and changes nothing") {
   CHECK(ids_of(*live.snapshot()) == ids_of(*at_once(keyframes, small_live(kRoomWidth))));
 }
 
-TEST_CASE("A keyframe that cannot be used is reported, the others go on") {
+TEST_CASE("An unusable keyframe is reported and the others are densified") {
   std::vector<std::string> errors;
   LiveCallbacks callbacks;
   callbacks.on_error = [&](const std::string& text) { errors.push_back(text); };
@@ -212,7 +212,7 @@ TEST_CASE("A keyframe that cannot be used is reported, the others go on") {
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   LiveKeyframe small = keyframes[0];
   small.id = -5;
-  small.image.height = 8;  // no size of a depth map follows from it
+  small.image.height = 8;  // gives no depth map size
   small.image.width = 16;
   live.add(small);
   REQUIRE_NOTHROW(live.add(keyframes[0]));
@@ -224,10 +224,11 @@ TEST_CASE("A keyframe that cannot be used is reported, the others go on") {
   CHECK(live.stats().errors == 1);
   const auto snapshot = live.snapshot();
   REQUIRE(snapshot->clouds.size() >= 4);
-  for (const LiveCloud& cloud : snapshot->clouds) CHECK(cloud.cloud->pixels.back() > 16 * 8);  // of the others' size
+  for (const LiveCloud& cloud : snapshot->clouds)
+    CHECK(cloud.cloud->pixels.back() > 16 * 8);  // same size as the others
 }
 
-TEST_CASE("Input and options that make no sense are refused, and change nothing") {
+TEST_CASE("Invalid input and options are refused without side effects") {
   LiveOptions options = small_live(kRoomWidth);
   LiveDensifier live(options);
   const LiveKeyframe good = live_keyframe(room(), 0);
@@ -264,7 +265,7 @@ TEST_CASE("Input and options that make no sense are refused, and change nothing"
   CHECK(masked.stats().added == 0);
 }
 
-TEST_CASE("Any thread may call anything at any time, a LiveDensifier ends in the midst of work") {
+TEST_CASE("All functions are thread-safe and a LiveDensifier may be destroyed while working") {
   const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   LiveOptions options = small_live(32);
   options.previews = true;

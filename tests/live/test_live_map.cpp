@@ -32,7 +32,7 @@ std::vector<std::int64_t> ids_of(const std::vector<LiveCloud>& clouds) {
   return ids;
 }
 
-/// What a viewer has who draws changes only.
+/// The clouds of a viewer that applies changes only.
 class Viewer {
  public:
   void follow(const LiveMap& map) {
@@ -72,7 +72,7 @@ class Viewer {
   std::map<std::int64_t, LiveCloud> clouds_;
 };
 
-/// Something happens to the map.
+/// A random change of the map.
 void disturb(LiveMap& map, std::mt19937& random) {
   const auto draw = [&](int below) { return static_cast<std::int64_t>(random() % static_cast<unsigned>(below)); };
   const std::int64_t id = draw(12);
@@ -93,7 +93,7 @@ void disturb(LiveMap& map, std::mt19937& random) {
 
 }  // namespace
 
-TEST_CASE("changes say what is new, replaced, moved and removed", "[live][map]") {
+TEST_CASE("changes list added and replaced and moved and removed clouds", "[live][map]") {
   LiveMap map;
   CHECK(map.snapshot()->version == 0);
   CHECK(map.changes_since(0).empty());
@@ -118,10 +118,10 @@ TEST_CASE("changes say what is new, replaced, moved and removed", "[live][map]")
   CHECK(changes.removed == std::vector<std::int64_t>{3});
   CHECK(changes.to == first + 3);
   CHECK(ids_of(map.changes_since(0).added) == std::vector<std::int64_t>{1, 2});
-  CHECK(map.changes_since(0).removed.empty());  // who had nothing need not drop it
+  CHECK(map.changes_since(0).removed.empty());  // not listed for viewers without it
 }
 
-TEST_CASE("what changes nothing makes no version", "[live][map]") {
+TEST_CASE("a call without effect makes no version", "[live][map]") {
   LiveMap map;
   map.publish(at(1, 2.0), cloud_of(1), false);
   const auto before = map.snapshot();
@@ -134,7 +134,7 @@ TEST_CASE("what changes nothing makes no version", "[live][map]") {
   CHECK(ids_of(map.changes_since(before->version).moved) == std::vector<std::int64_t>{1});
 }
 
-TEST_CASE("after a reset all is new, and ids begin again", "[live][map]") {
+TEST_CASE("after a reset all clouds are new and ids may be reused", "[live][map]") {
   LiveMap map;
   map.publish(at(0, 0.0), cloud_of(0), false);
   map.publish(at(1, 0.0), cloud_of(1), false);
@@ -150,7 +150,7 @@ TEST_CASE("after a reset all is new, and ids begin again", "[live][map]") {
   CHECK(map.changes_since(changes.to + 5).from == changes.to);
 }
 
-TEST_CASE("a snapshot stays as it is, whatever happens to the map", "[live][map]") {
+TEST_CASE("a snapshot is immutable", "[live][map]") {
   LiveMap map;
   map.publish(at(1, 0.0), cloud_of(1, 3), true);
   const auto snapshot = map.snapshot();
@@ -161,7 +161,7 @@ TEST_CASE("a snapshot stays as it is, whatever happens to the map", "[live][map]
   CHECK(snapshot->clouds[0].cloud->points.size() == 3);
 }
 
-TEST_CASE("who follows the changes has what the snapshot has, from any version on", "[live][map]") {
+TEST_CASE("applying the changes since any version gives the snapshot", "[live][map]") {
   for (unsigned seed = 0; seed < 20; ++seed) {
     std::mt19937 random(seed);
     LiveMap map;
@@ -176,7 +176,7 @@ TEST_CASE("who follows the changes has what the snapshot has, from any version o
   }
 }
 
-TEST_CASE("writers and readers in many threads leave a map that is whole", "[live][map]") {
+TEST_CASE("concurrent writers and readers leave a consistent map", "[live][map]") {
   LiveMap map;
   std::atomic<bool> stop{false};
   std::atomic<int> torn{0};

@@ -15,11 +15,11 @@
 using namespace pmsp;
 using namespace pmsp::test;
 
-// Keyframes that move: what a SLAM's bundle adjustments, loop closures and merged maps do to points.
+// Moving keyframes: effect of bundle adjustments, loop closures and merged maps on points.
 
 namespace {
 
-/// A fake SLAM's keyframes, one after the other, each worked on before the next one comes; then the loop is closed.
+/// Keyframes of a simulated SLAM, each densified before the next one; then the loop is closed.
 std::shared_ptr<const LiveSnapshot> played(FakeSlam slam, const LiveOptions& options, LiveStats* stats = nullptr) {
   LiveDensifier live(options);
   for (std::size_t k = 0; k < slam.size(); ++k) {
@@ -34,8 +34,7 @@ std::shared_ptr<const LiveSnapshot> played(FakeSlam slam, const LiveOptions& opt
   return live.snapshot();
 }
 
-/// What comes of a loop that is closed in the midst of work: when the first points are there, and most keyframes are
-/// on their way.
+/// Results of a loop closed during work: when the first points exist and most keyframes are in flight.
 struct Midst {
   std::int64_t passes_before = 0;                        ///< of PatchMatch
   std::shared_ptr<const LiveSnapshot> before_any_again;  ///< the last one before a keyframe was matched again
@@ -54,7 +53,7 @@ Midst closed_in_the_midst(double drift) {
   FakeSlam slam(live_keyframes(room()), drift, 0.0);
   LiveDensifier* told = nullptr;
   LiveCallbacks callbacks;
-  callbacks.changed = [&](LiveVersion) {  // on the worker: what is told here does not depend on time
+  callbacks.changed = [&](LiveVersion) {  // on the worker: updates from here do not depend on timing
     const LiveStats stats = told->stats();
     if (midst.passes_before == 0 && told->snapshot()->clouds.size() >= 8) {
       midst.passes_before = stats.passes;
@@ -78,7 +77,7 @@ Midst closed_in_the_midst(double drift) {
 
 }  // namespace
 
-TEST_CASE("Keyframes that converge as a SLAM's do are as good in the end as if they had never moved", PMSP_ACCURACY) {
+TEST_CASE("Keyframes with converging poses reach the accuracy of fixed poses", PMSP_ACCURACY) {
   const LiveOptions options = small_live(kRoomWidth);
   const LiveFigures still = figures(*played(FakeSlam(live_keyframes(room()), 0.0, 0.0), options), room());
   LiveStats stats;
@@ -90,7 +89,7 @@ TEST_CASE("Keyframes that converge as a SLAM's do are as good in the end as if t
   CHECK(moved.covered > still.covered - 0.02);
 }
 
-TEST_CASE("A loop closure moves, turns and scales what was seen before it", PMSP_ACCURACY) {
+TEST_CASE("A loop closure moves and rotates and scales earlier points", PMSP_ACCURACY) {
   const LiveOptions options = small_live(kRoomWidth);
   const LiveFigures still = figures(*played(FakeSlam(live_keyframes(room()), 0.0, 0.0), options), room());
   for (const double drift : {0.1, -0.15}) {
@@ -99,7 +98,7 @@ TEST_CASE("A loop closure moves, turns and scales what was seen before it", PMSP
     const LiveFigures closed = figures(*snapshot, room());
     CAPTURE(drift, closed.covered, still.covered, closed.right, still.right, closed.misplaced, still.misplaced);
     CHECK(closed.clouds == still.clouds);
-    // Places that were seen as two are merged: some of the points go.
+    // Places seen twice are merged: duplicates are removed.
     CHECK(closed.right > still.right - 0.012);
     CHECK(closed.covered > still.covered - 0.02);
     CHECK(closed.misplaced < 0.01);
@@ -109,15 +108,15 @@ TEST_CASE("A loop closure moves, turns and scales what was seen before it", PMSP
   }
 }
 
-TEST_CASE("Keyframes that a loop closure moves far in the midst of work begin anew, nothing is finished first") {
+TEST_CASE("Keyframes moved far by a loop closure restart without finishing stale work") {
   const Midst midst = closed_in_the_midst(0.2);
   CHECK(midst.stats.matched_again > 0);
   CHECK(midst.stats.passes - midst.passes_before == 3 * midst.stats.used);
 }
 
-TEST_CASE("A loop closure in the midst of work leaves points as good as if poses had been known", PMSP_ACCURACY) {
+TEST_CASE("A loop closure during work leaves points as accurate as with final poses", PMSP_ACCURACY) {
   const LiveFigures known = figures(*at_once(live_keyframes(room()), three_passes()), room());
-  // So little that places which were shown by then are not taken for two, and merged.
+  // Small enough that existing places are not taken for two and merged.
   const LiveFigures closed = figures(*closed_in_the_midst(0.1).last, room());
   CAPTURE(closed.covered, known.covered, closed.right, known.right);
   CHECK(closed.clouds == known.clouds);
@@ -125,8 +124,7 @@ TEST_CASE("A loop closure in the midst of work leaves points as good as if poses
   CHECK(closed.misplaced < 1.15 * known.misplaced);
 }
 
-TEST_CASE("Keyframes on their way when poses move a little get good points before any is matched again",
-          PMSP_ACCURACY) {
+TEST_CASE("Keyframes in flight during small pose changes finish before any is matched again", PMSP_ACCURACY) {
   const LiveFigures known = figures(*at_once(live_keyframes(room()), three_passes()), room());
   const Midst midst = closed_in_the_midst(0.02);
   CHECK(midst.stats.matched_again > 0);
@@ -136,7 +134,7 @@ TEST_CASE("Keyframes on their way when poses move a little get good points befor
   CHECK(first.covered * first.right > known.covered * known.right - 0.025);
 }
 
-TEST_CASE("Keyframes of two maps do not meet until the maps are merged") {
+TEST_CASE("Keyframes of two maps are not matched until the maps are merged") {
   LiveOptions options = small_live(kRoomWidth);
   LiveDensifier live(options);
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
@@ -161,7 +159,7 @@ TEST_CASE("Keyframes of two maps do not meet until the maps are merged") {
   CHECK(met);
 }
 
-TEST_CASE("Maps with units and places of their own keep the scale of what is in them when they are merged") {
+TEST_CASE("Merging maps of different units and origins keeps the scale of their points") {
   LiveDensifier live(small_live(kRoomWidth));
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   const std::vector<LiveKeyframe> merged = keyframes;

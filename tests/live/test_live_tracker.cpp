@@ -34,7 +34,7 @@ std::vector<LiveKeyframe> flight(double uneven) {
 
 }  // namespace
 
-TEST_CASE("A scale is found again however far keyframes were moved before without one", "[live]") {
+TEST_CASE("A scale change is recovered after any earlier rigid motion", "[live]") {
   LiveTracker tracker;
   for (const LiveKeyframe& keyframe : flight(0.0)) tracker.add(keyframe, static_cast<std::uint64_t>(keyframe.id) + 1);
   std::vector<LiveKeyframe> keyframes = flight(0.1);  // a bundle adjustment: some baselines get longer, others shorter
@@ -55,7 +55,7 @@ TEST_CASE("A scale is found again however far keyframes were moved before withou
   }
 }
 
-TEST_CASE("Small changes of scale add up, after maps were merged, too", "[live]") {
+TEST_CASE("Small scale changes accumulate also after merged maps", "[live]") {
   LiveTracker tracker;
   std::vector<LiveKeyframe> keyframes = flight(0.0);
   for (LiveKeyframe& keyframe : keyframes) {
@@ -73,13 +73,13 @@ TEST_CASE("Small changes of scale add up, after maps were merged, too", "[live]"
     }
     tracker.move(keyframes);
   }
-  for (std::size_t k = 4; k < 8; ++k) {  // in the middle, where most baselines tell
+  for (std::size_t k = 4; k < 8; ++k) {  // in the middle, with the most baselines
     CAPTURE(k);
     CHECK(tracker.pose_of(keyframes[k].id).pose.scale == Approx(unit).margin(0.008));
   }
 }
 
-TEST_CASE("Landmarks of a keyframe whose pose stays tell of its scale, too", "[live]") {
+TEST_CASE("Landmarks of an unmoved keyframe determine its scale", "[live]") {
   LiveTracker tracker;
   std::vector<LiveKeyframe> keyframes = flight(0.0);
   for (const LiveKeyframe& keyframe : keyframes) tracker.add(keyframe, static_cast<std::uint64_t>(keyframe.id) + 1);
@@ -111,14 +111,14 @@ TEST_CASE("Landmarks of a keyframe whose pose stays tell of its scale, too", "[l
   }
 }
 
-TEST_CASE("Ranges of landmarks go with the scale that baselines have told", "[live]") {
+TEST_CASE("Landmark ranges are scaled by the scale recovered from baselines", "[live]") {
   LiveTracker tracker;
   for (const LiveKeyframe& keyframe : flight(0.0)) tracker.add(keyframe, static_cast<std::uint64_t>(keyframe.id) + 1);
   constexpr double kUnit = 0.8;
   std::vector<LiveKeyframe> keyframes = flight(0.0);
   for (LiveKeyframe& keyframe : keyframes) {
     keyframe.cam_from_world.translation *= kUnit;
-    keyframe.landmarks.clear();  // not told this time
+    keyframe.landmarks.clear();  // not passed this time
   }
   tracker.move(keyframes);
   for (std::int64_t id = 0; id < static_cast<std::int64_t>(kKeyframes); ++id) {

@@ -45,8 +45,8 @@ struct SampleMap {
   std::vector<SampleLandmark> landmarks;
 };
 
-/// Two cameras, keyframes 2, 9 and 10 (whose order as text is 10, 2, 9), landmarks 1, 5, 12, 30 and 100. Among the
-/// observations are two of a landmark that is not there (77) and one of a landmark that the keyframe has already.
+/// Two cameras, keyframes 2, 9 and 10 (whose order as text is 10, 2, 9), landmarks 1, 5, 12, 30 and 100. The
+/// observations include two of a missing landmark (77) and a duplicate one.
 SampleMap sample_map();
 
 /// `count` keyframes with random poses, seeing random ones of `landmarks` landmarks.
@@ -63,7 +63,7 @@ enum class MsgpackVersion {
   stella_dense,      ///< stella_vslam_dense
 };
 
-/// The tree that the SLAM of that version writes; tests bend it before they write it.
+/// The tree that the SLAM of that version writes; tests modify it before writing it.
 nlohmann::json msgpack_tree(const SampleMap& map, MsgpackVersion version);
 
 void write_file(const std::filesystem::path& path, const std::string& bytes);
@@ -76,7 +76,7 @@ enum class SqliteVersion { stella_0_3_1, stella_0_3_2, stella_0_3_6, stella_0_6_
 void write_sqlite(const std::filesystem::path& path, const SampleMap& map, SqliteVersion version,
                   const std::string& sql = "");
 
-/// The message of the error that reading the file ends in, behind the name of its class; "" if there is none.
+/// Class name and message of the error of reading the file; "" if there is none.
 std::string error_of(const std::filesystem::path& path);
 
 }  // namespace pmsp::test

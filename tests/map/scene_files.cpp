@@ -43,7 +43,7 @@ void write(const fs::path& path, const std::string& bytes) {
   if (!file) throw std::runtime_error("cannot write " + path.string());
 }
 
-json numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+json vector_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 template <class T>
 void put(std::string& bytes, T value) {
@@ -204,8 +204,8 @@ void write_opensfm(const fs::path& folder, const SlamMap& map, const std::vector
     for (const MapKeyframe& keyframe : one->keyframes) {
       const MapCamera& camera = camera_of(*one, keyframe);
       const Eigen::AngleAxisd turn(keyframe.cam_from_world.rotation);
-      tree["shots"][keyframe.image] = {{"rotation", numbers(turn.angle() * turn.axis())},
-                                       {"translation", numbers(keyframe.cam_from_world.translation)},
+      tree["shots"][keyframe.image] = {{"rotation", vector_json(turn.angle() * turn.axis())},
+                                       {"translation", vector_json(keyframe.cam_from_world.translation)},
                                        {"camera", camera.name},
                                        {"capture_time", 0.0},
                                        {"orientation", 1}};
@@ -218,7 +218,7 @@ void write_opensfm(const fs::path& folder, const SlamMap& map, const std::vector
     }
     for (const MapLandmark& landmark : one->landmarks) {
       tree["points"][std::to_string(landmark.id)] = {{"color", {1.0, 2.0, 3.0}},
-                                                     {"coordinates", numbers(landmark.position_world)}};
+                                                     {"coordinates", vector_json(landmark.position_world)}};
     }
     all.push_back(tree);
   }
@@ -256,9 +256,9 @@ void write_openmvg(const fs::path& file, const SlamMap& map, const std::string& 
           {{"polymorphic_id", 1073741824}, {"ptr_wrapper", {{"id", 2147483700 + keyframe.id}, {"data", data}}}}}});
     const RigidTransform pose = cam_from_slam_cam(camera.width).inverse() * keyframe.cam_from_world;
     json rotation = json::array();
-    for (int row = 0; row < 3; ++row) rotation.push_back(numbers(pose.rotation.row(row).transpose()));
+    for (int row = 0; row < 3; ++row) rotation.push_back(vector_json(pose.rotation.row(row).transpose()));
     tree["extrinsics"].push_back(
-        {{"key", keyframe.id}, {"value", {{"rotation", rotation}, {"center", numbers(pose.center())}}}});
+        {{"key", keyframe.id}, {"value", {{"rotation", rotation}, {"center", vector_json(pose.center())}}}});
     for (const MapObservation& o : keyframe.observations) {
       const json place = {static_cast<double>(o.pixel.x()) - 0.5, static_cast<double>(o.pixel.y()) - 0.5};
       observations[o.landmark_id].push_back({{"key", keyframe.id}, {"value", {{"id_feat", 3}, {"x", place}}}});
@@ -268,7 +268,7 @@ void write_openmvg(const fs::path& file, const SlamMap& map, const std::string& 
     json seen = observations[landmark.id];
     if (seen.is_null()) seen = json::array();
     tree["structure"].push_back(
-        {{"key", landmark.id}, {"value", {{"X", numbers(landmark.position_world)}, {"observations", seen}}}});
+        {{"key", landmark.id}, {"value", {{"X", vector_json(landmark.position_world)}, {"observations", seen}}}});
   }
   write(file, tree.dump(1));
 }

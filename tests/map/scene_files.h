@@ -8,21 +8,21 @@
 
 #include "pmsp/io/map.h"
 
-/// Writers of what the readers of src/io read, from the formats' descriptions. A map is written by each format's own
-/// conventions, so that reading gives it back.
+/// Writers for the readers of src/io, by the formats' specifications. A map is written in each format's own
+/// conventions, so that reading reproduces it.
 namespace pmsp::test {
 
 enum class Fault {
   none,
   mirrored,  ///< images mirrored after the reconstruction: left is right in places
-  inverted,  ///< poses the other way round
-  shifted    ///< places in images half a pixel off
+  inverted,  ///< inverted poses
+  shifted    ///< keypoints off by half a pixel
 };
 
 /// Keyframes along a curve in a ball of landmarks, each seen by all keyframes; with image names in subfolders.
 SlamMap sample_scene(int keyframes = 8, int landmarks = 150);
 
-/// The map with a fault, so that a writer writes what a program with that fault would.
+/// The map with a fault, as written by a program with that fault.
 SlamMap with_fault(SlamMap map, Fault fault);
 
 void write_colmap_text(const std::filesystem::path& folder, const SlamMap& map);
@@ -43,14 +43,14 @@ void write_euroc(const std::filesystem::path& file, const SlamMap& map, double f
 void write_tum(const std::filesystem::path& file, const SlamMap& map);
 void write_points(const std::filesystem::path& file, const SlamMap& map);
 
-/// A format with its writer, for tests that go through all.
+/// A format with its writer, for tests of all formats.
 struct FormatFiles {
   const char* name;
   bool has_observations;
   bool has_points;
-  /// Writes into an empty folder and returns what is given as MAP.
+  /// Writes into an empty directory and returns the MAP argument.
   std::function<std::filesystem::path(const std::filesystem::path&, const SlamMap&)> write;
-  std::vector<std::string> files;  ///< all that was written, to be damaged
+  std::vector<std::string> files;  ///< all written files, to be damaged
   ReadMapOptions options(const std::filesystem::path& folder) const;
 };
 const std::vector<FormatFiles>& all_formats();

@@ -14,7 +14,7 @@ namespace {
 using Catch::Contains;
 using Catch::StartsWith;
 
-/// The error that a sound map gives after `sql` was run on it.
+/// The error of reading a valid map after `sql` was run on it.
 std::string error_after(const std::string& sql, const SampleMap& map = sample_map(),
                         SqliteVersion version = SqliteVersion::stella_0_6_0) {
   const TempDir folder;
@@ -24,7 +24,7 @@ std::string error_after(const std::string& sql, const SampleMap& map = sample_ma
 
 }  // namespace
 
-TEST_CASE("tables, columns and rows that are missing are named") {
+TEST_CASE("missing tables and columns and rows are named") {
   CHECK_THAT(error_after("DROP TABLE keyframes"), StartsWith("InvalidInput: ") && Contains("table keyframes"));
   CHECK_THAT(error_after("DROP TABLE cameras"), Contains("table cameras"));
   CHECK_THAT(error_after("DROP TABLE landmarks"), Contains("table landmarks"));
@@ -37,7 +37,7 @@ TEST_CASE("tables, columns and rows that are missing are named") {
   CHECK(error_after("DELETE FROM landmarks").empty());
 }
 
-TEST_CASE("views and generated columns are not run") {
+TEST_CASE("views and generated columns are not executed") {
   const std::string endless = "(WITH RECURSIVE r(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM r) SELECT i FROM r)";
   CHECK_THAT(error_after("DROP TABLE landmarks; CREATE VIEW landmarks AS SELECT i AS id, zeroblob(24) AS pos_w FROM " +
                          endless),
@@ -48,7 +48,7 @@ TEST_CASE("views and generated columns are not run") {
       Contains("has no column pos_w"));
 }
 
-TEST_CASE("cells that are wrong are named by table, row and column") {
+TEST_CASE("invalid cells are named by table and row and column") {
   const auto check = [](const std::string& sql, const std::string& where, const std::string& what) {
     INFO(sql);
     CHECK_THAT(error_after(sql), StartsWith("InvalidInput: ") && Contains(where) && Contains(what));
@@ -76,14 +76,14 @@ TEST_CASE("cells that are wrong are named by table, row and column") {
   check("UPDATE cameras SET name = X'7468657461'", "cameras", "two cameras");
 }
 
-TEST_CASE("a matrix that is no rotation is refused, row-major ones included") {
+TEST_CASE("a matrix that is no rotation is refused including row-major ones") {
   SampleMap map = sample_map();
   SECTION("scaled") { map.keyframes[0].rotation_cw *= 1.01; }
   SECTION("mirrored") { map.keyframes[0].rotation_cw *= -1.0; }
   CHECK_THAT(error_after("", map), StartsWith("InvalidInput: ") && Contains("table keyframes, id 10, column pose_cw"));
 }
 
-TEST_CASE("a pose or a landmark that was lost in a database is left out and counted") {
+TEST_CASE("a lost pose or landmark in a database is skipped and counted") {
   const TempDir folder;
   const auto read = [&](const std::string& sql) {
     write_sqlite(folder / "map.db", sample_map(), SqliteVersion::stella_0_6_0, sql);
@@ -100,7 +100,7 @@ TEST_CASE("a pose or a landmark that was lost in a database is left out and coun
   }
 }
 
-TEST_CASE("a database that ends too early is refused, wherever it ends") {
+TEST_CASE("a database truncated anywhere is refused") {
   const TempDir folder;
   const auto path = folder / "map.db";
   write_sqlite(path, sample_map(), SqliteVersion::stella_0_6_0);
@@ -113,7 +113,7 @@ TEST_CASE("a database that ends too early is refused, wherever it ends") {
   CHECK(accepted == 0);
 }
 
-TEST_CASE("a database that somebody is writing is refused") {
+TEST_CASE("a database with an active writer is refused") {
   const TempDir folder;
   const auto path = folder / "map.db";
   write_sqlite(path, sample_map(), SqliteVersion::stella_0_6_0, "PRAGMA journal_mode = WAL");

@@ -31,7 +31,7 @@ void add_noise(SlamMap& map, float deviation) {
 
 }  // namespace
 
-TEST_CASE("a map that was read rightly is accepted, and its error told") {
+TEST_CASE("a correctly read map is accepted with its reprojection error") {
   SlamMap map = sample_scene();
   CHECK(require_convention(map).median_error_px < 1e-3);
   CHECK(require_convention(map).observations >= 1000);
@@ -43,7 +43,7 @@ TEST_CASE("a map that was read rightly is accepted, and its error told") {
   }
 }
 
-TEST_CASE("a fault is named, in every format that says who sees what") {
+TEST_CASE("a wrong convention is named in every format with observations") {
   for (const FormatFiles& format : all_formats()) {
     if (!format.has_observations) continue;
     CAPTURE(format.name);
@@ -80,7 +80,7 @@ TEST_CASE("an observation on one side of the seam is near its landmark on the ot
   CHECK(check_convention(map).median_error_px == Approx(2.0).margin(1e-3));
 }
 
-TEST_CASE("other axes of the camera are named") {
+TEST_CASE("wrong camera axes are named") {
   const SlamMap right = sample_scene();
   const auto wrong = [&](double x, double y, double z) {
     SlamMap map = right;
@@ -124,7 +124,7 @@ TEST_CASE("other axes of the camera are named") {
   CHECK_THROWS_WITH(require_convention(turned), Contains("quarter of their width"));
 }
 
-TEST_CASE("half a row is told of, of maps of a SLAM not even that, and no verdict rests on nothing") {
+TEST_CASE("half a row is reported except for SLAM maps and no verdict without evidence") {
   SlamMap map = sample_scene();
   for (MapKeyframe& keyframe : map.keyframes) {
     for (MapObservation& o : keyframe.observations) o.pixel.y() += 0.5F;
@@ -138,7 +138,7 @@ TEST_CASE("half a row is told of, of maps of a SLAM not even that, and no verdic
   map = with_fault(sample_scene(), Fault::mirrored);
   map.observations_are_tested = false;
   CHECK(require_convention(map).observations == 0);
-  // Observations that nothing explains are no fault with a name.
+  // Inconsistent observations are no named fault.
   map = sample_scene();
   std::mt19937 random(3);
   for (MapKeyframe& keyframe : map.keyframes) {

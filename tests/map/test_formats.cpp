@@ -83,7 +83,7 @@ std::string replace(std::string text, const std::string& from, const std::string
 
 }  // namespace
 
-TEST_CASE("each format gives the map that was written") {
+TEST_CASE("each format reads back the written map") {
   const SlamMap map = sample_scene();
   for (const FormatFiles& format : all_formats()) {
     CAPTURE(format.name);
@@ -99,7 +99,7 @@ TEST_CASE("each format gives the map that was written") {
   }
 }
 
-TEST_CASE("the masks that transforms.json names are found, wherever it says that they are") {
+TEST_CASE("masks named by transforms.json are found at any path") {
   const TempDir folder;
   write_nerfstudio(folder.path(), sample_scene());
   json tree = json::parse(pmsp_test::read_text(folder / "transforms.json"));
@@ -159,7 +159,7 @@ TEST_CASE("text and binary models of COLMAP give the same bits") {
   }
 }
 
-TEST_CASE("COLMAP's cameras: older names are read, others refused with the reason") {
+TEST_CASE("older COLMAP camera names are read and others refused with the reason") {
   const SlamMap map = sample_scene();
   const TempDir folder;
   write_colmap_text(folder.path(), map);
@@ -189,7 +189,7 @@ TEST_CASE("COLMAP's cameras: older names are read, others refused with the reaso
   CHECK_THAT(mixed.notes[0], Contains("not equirectangular: 1 (SIMPLE_PINHOLE)"));
 }
 
-TEST_CASE("the binary cameras of forks are told by their length") {
+TEST_CASE("binary cameras of COLMAP forks are recognised by their length") {
   const SlamMap map = sample_scene();
   const TempDir folder;
   write_colmap_binary(folder.path(), map);
@@ -205,7 +205,7 @@ TEST_CASE("the binary cameras of forks are told by their length") {
   CHECK_THAT(error_of_read(folder.path()), Contains("model is 99"));
 }
 
-TEST_CASE("the largest component is read, or the one that is asked for") {
+TEST_CASE("the largest or the requested component is read") {
   const SlamMap small = sample_scene(3);
   SlamMap large = sample_scene(6);
   for (MapKeyframe& keyframe : large.keyframes) keyframe.image = "large/" + keyframe.image;
@@ -227,7 +227,7 @@ TEST_CASE("the largest component is read, or the one that is asked for") {
   }
 }
 
-TEST_CASE("Metashape: chunks and components, unaligned and framed cameras") {
+TEST_CASE("Metashape chunks and components with unaligned and framed cameras") {
   const SlamMap map = sample_scene();
   const TempDir folder;
   write_metashape(folder / "c.xml", map);
@@ -250,7 +250,7 @@ TEST_CASE("Metashape: chunks and components, unaligned and framed cameras") {
   CHECK(read_map(folder / "c.xml").component_keyframes == std::vector<std::size_t>{8, 8});
 }
 
-TEST_CASE("a TUM trajectory: with a list of images, without, and in nanoseconds") {
+TEST_CASE("a TUM trajectory is read with and without an image list and in nanoseconds") {
   const SlamMap map = sample_scene();
   const TempDir folder;
   write_tum(folder / "t.txt", map);
@@ -285,7 +285,7 @@ TEST_CASE("a TUM trajectory: with a list of images, without, and in nanoseconds"
   CHECK(nanoseconds.keyframes[1].image == "b.png");
 }
 
-TEST_CASE("a list of images names those of every map: with spaces, a header, in any unit of time") {
+TEST_CASE("an image list applies to every map with spaces and a header and in any unit of time") {
   const SlamMap map = sample_scene();
   const TempDir folder;
   write_colmap_text(folder / "model", map);
@@ -313,7 +313,7 @@ TEST_CASE("a list of images names those of every map: with spaces, a header, in 
   CHECK_THAT(error_of_read(folder / "t.txt", options), Contains("same clock") && Contains("1700000000.5"));
 }
 
-TEST_CASE("openMVG's absolute folder is told of, not followed") {
+TEST_CASE("the absolute directory of openMVG is reported and not followed") {
   const SlamMap map = sample_scene();
   const TempDir folder;
   write_openmvg(folder / "sfm_data.json", map, "/somewhere/else");
@@ -325,7 +325,7 @@ TEST_CASE("openMVG's absolute folder is told of, not followed") {
   CHECK(read_map(folder / "sfm_data.json").images == folder / "pictures");
 }
 
-TEST_CASE("names that would leave the folder lose what leads out of it, in every format") {
+TEST_CASE("names lose components that leave the directory in every format") {
   const std::map<std::string, std::string> names{{"../escape.png", "escape.png"},
                                                  {"a/../../escape.png", "escape.png"},
                                                  {"/etc/passwd", "etc/passwd"},
@@ -368,7 +368,7 @@ TEST_CASE("names that would leave the folder lose what leads out of it, in every
   }
 }
 
-TEST_CASE("one id, or one image, twice is refused") {
+TEST_CASE("a repeated id or image is refused") {
   for (const FormatFiles& format : all_formats()) {
     CAPTURE(format.name);
     const TempDir folder;
@@ -390,7 +390,7 @@ TEST_CASE("one id, or one image, twice is refused") {
   CHECK_THAT(error_of_read(folder / "r.json"), Contains("the key \"a\" appears twice"));
 }
 
-TEST_CASE("numbers that are none, or absurd, are refused in every format") {
+TEST_CASE("invalid and absurd numbers are refused in every format") {
   const TempDir folder;
   for (const double value : {1e300, -1e13}) {
     SlamMap map = sample_scene();
@@ -428,7 +428,7 @@ TEST_CASE("numbers that are none, or absurd, are refused in every format") {
   }
 }
 
-TEST_CASE("files that end anywhere are refused, or sound") {
+TEST_CASE("truncated files are refused or give a valid map") {
   const SlamMap map = sample_scene(3, 12);
   for (const FormatFiles& format : all_formats()) {
     const TempDir folder;
@@ -451,7 +451,7 @@ TEST_CASE("files that end anywhere are refused, or sound") {
   }
 }
 
-TEST_CASE("random damage gives an error or a sound map, in every format") {
+TEST_CASE("random damage gives an error or a valid map in every format") {
   const SlamMap map = sample_scene(4, 20);
   std::mt19937 random(11);
   for (const FormatFiles& format : all_formats()) {
@@ -514,7 +514,7 @@ TEST_CASE("absurd lengths and deep nesting neither crash nor fill the memory") {
   CHECK_THAT(error_of_read(folder / "long.json"), Contains("mebibyte"));
 }
 
-TEST_CASE("points without observations are seen by those before whom nothing hides them") {
+TEST_CASE("points without observations are assigned to the keyframes that see them unoccluded") {
   SlamMap map = sample_scene(2, 300);
   for (MapKeyframe& keyframe : map.keyframes) {
     keyframe.cam_from_world = {};

@@ -54,7 +54,7 @@ void check_same_bits(const SlamMap& a, const SlamMap& b) {
   CHECK(different == 0);
 }
 
-/// What every version of sample_map() must read as, but for `source_frame` and the dense file's pixels.
+/// Expected result of reading each version of sample_map(), except `source_frame` and the dense file's pixels.
 void check_sample(const SlamMap& map, bool pixels_from_file = true) {
   REQUIRE(map.cameras.size() == 2);
   CHECK(map.cameras[0].name == "another");
@@ -98,7 +98,7 @@ void check_sample(const SlamMap& map, bool pixels_from_file = true) {
 }
 
 #if defined(__linux__)
-/// While it lives, the calling thread may use one CPU alone, and takes it that there is no other.
+/// While it lives, the calling thread is pinned to one CPU and sees no other.
 class OneCpu {
  public:
   OneCpu() {
@@ -122,7 +122,7 @@ class OneCpu {
 
 }  // namespace
 
-TEST_CASE("a keyframe's pose error is what its landmarks are off by, over the root of their number") {
+TEST_CASE("a keyframe's pose error is the residual of its landmarks over the root of their number") {
   SlamMap map;
   map.cameras.push_back({"theta", 1920, 960, 30.0});
   MapKeyframe keyframe;
@@ -167,7 +167,7 @@ TEST_CASE("every version of MessagePack map reads the same") {
                Case{MsgpackVersion::patchmatch_dense, "PatchMatch-Stereo-Panorama, dense points, MessagePack", true},
                Case{MsgpackVersion::stella_dense, "stella_vslam_dense, MessagePack", false});
   const TempDir folder;
-  // The name says nothing: the content decides.
+  // The name has no effect: the content decides.
   const auto path = folder / "map.db";
   write_file(path, msgpack_bytes(msgpack_tree(sample_map(), version)));
   const SlamMap map = read_map(path);
@@ -198,7 +198,7 @@ TEST_CASE("every version of SQLite map reads the same") {
   check_sample(map);
   CHECK(map.keyframes[0].source_frame.has_value() == has_source_frame);
   if (has_source_frame) CHECK(*map.keyframes[1].source_frame == 17);
-  // Nothing was made beside the file.
+  // No other files were created.
   std::size_t files = 0;
   for (const auto& entry : std::filesystem::directory_iterator(folder.path())) files += entry.exists() ? 1 : 0;
   CHECK(files == 1);
@@ -207,7 +207,7 @@ TEST_CASE("every version of SQLite map reads the same") {
 TEST_CASE("MessagePack and SQLite of one map give the same bits") {
   const TempDir folder;
   SampleMap map = random_map(1500, 400, 7);
-  for (int axis = 0; axis < 3; ++axis) {  // half turns, where a quaternion's sign is anybody's guess
+  for (int axis = 0; axis < 3; ++axis) {  // half turns, where a quaternion's sign is ambiguous
     map.keyframes[static_cast<std::size_t>(axis)].rotation_cw = -Eigen::Matrix3d::Identity();
     map.keyframes[static_cast<std::size_t>(axis)].rotation_cw(axis, axis) = 1.0;
   }
@@ -239,7 +239,7 @@ TEST_CASE("a large map reads the same by one thread and by several") {
   };
   check_same_bits(read_map(path), by_one_thread());
 
-  SECTION("and so does what is wrong with it") {
+  SECTION("and so are its errors") {
     tree["keyframes"]["7"]["trans_cw"] = {1, 2};  // not the first one that is wrong, in the file's order
     tree["keyframes"]["6666"]["ts"] = "now";
     write_file(path, msgpack_bytes(tree));
@@ -251,7 +251,7 @@ TEST_CASE("a large map reads the same by one thread and by several") {
 }
 #endif
 
-TEST_CASE("a pose is turned by half a pixel, so that landmarks land on their keypoints") {
+TEST_CASE("a pose is rotated by half a pixel so that landmarks project to their keypoints") {
   // A landmark that the SLAM sees exactly at pixel index (1440, 480): a quarter turn to the right.
   SampleMap map;
   map.cameras = {{"theta", 1920, 960, 10.0}};
@@ -268,7 +268,7 @@ TEST_CASE("a pose is turned by half a pixel, so that landmarks land on their key
   CHECK(pixel.y() == Approx(480.0).margin(1e-6));  // in latitude the half pixel stays
 }
 
-TEST_CASE("the dense file's keypoints count pixels of its depth maps, so its landmarks are projected") {
+TEST_CASE("keypoints of the dense file are in depth map pixels so landmarks are projected instead") {
   SampleMap map;
   map.cameras = {{"theta", 1920, 960, 10.0}};
   map.landmarks = {{0, {2.0, 0.0, 0.0}}};
@@ -291,7 +291,7 @@ TEST_CASE("landmarks and keyframes are found by id") {
   CHECK(map.find_landmark(101) == nullptr);
   CHECK(map.find_keyframe(-1) == nullptr);
 
-  SECTION("however unevenly the ids are spread") {
+  SECTION("with unevenly spread ids") {
     SlamMap uneven;
     CHECK(uneven.find_landmark(0) == nullptr);
     std::int64_t id = -7;
@@ -311,7 +311,7 @@ TEST_CASE("landmarks and keyframes are found by id") {
   }
 }
 
-TEST_CASE("odd but harmless maps are read") {
+TEST_CASE("unusual but valid maps are read") {
   const TempDir folder;
   const auto path = folder / "map.msg";
   nlohmann::json tree = msgpack_tree(sample_map(), MsgpackVersion::stella_0_3_6);
@@ -336,7 +336,7 @@ TEST_CASE("odd but harmless maps are read") {
     write_file(path, msgpack_bytes(tree));
     check_sample(read_map(path));
   }
-  SECTION("rows of numbers that are longer than what is read at a time, wherever they begin") {
+  SECTION("rows of numbers longer than the read buffer at any offset") {
     nlohmann::json rows = nlohmann::json::array();
     for (std::uint32_t i = 0; i < 250000; ++i) rows.push_back(0xFFFFFFFFU - i);
     for (int i = 0; i < 250000; ++i) rows.push_back(i % 3 == 0 ? nlohmann::json(0.1 * i) : nlohmann::json(-i));
@@ -406,12 +406,12 @@ TEST_CASE("odd but harmless maps are read") {
       check_sample(read_map(path));
     }
   }
-  SECTION("keypoints as the camera had them beside undistorted ones, which count") {
+  SECTION("undistorted keypoints take precedence over distorted ones") {
     for (auto& [id, each] : tree["keyframes"].items()) {
       each["keypts"] = each["undist_keypts"];
       for (nlohmann::json& keypoint : each["keypts"]) keypoint = {{"pt", {3, 4}}};
     }
-    write_file(path, msgpack_bytes(tree));  // in the order of the alphabet
+    write_file(path, msgpack_bytes(tree));  // in alphabetical order
     check_sample(read_map(path));
     nlohmann::ordered_json later(tree);
     for (auto& [id, each] : later["keyframes"].items()) {
@@ -433,7 +433,7 @@ TEST_CASE("odd but harmless maps are read") {
     CHECK(map.observations_skipped == 6);
     CHECK(map.keyframes[1].observations.empty());
   }
-  SECTION("a quaternion that is nearly unit, a reference keyframe that is gone, ids with leading zeros") {
+  SECTION("a nearly unit quaternion and a missing reference keyframe and ids with leading zeros") {
     keyframe["rot_cw"] = {0.0, 0.0, 0.0, 1.0009};
     tree["landmarks"]["5"]["ref_keyfrm"] = 4711;
     tree["landmarks"]["0030"] = tree["landmarks"]["30"];

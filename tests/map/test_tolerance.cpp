@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// What files have that is not quite right, and does no harm.
+// Tolerated deviations of files.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -52,7 +52,7 @@ TEST_CASE("text files of every format may begin with a byte order mark") {
   }
 }
 
-TEST_CASE("a lost pose and a lost point are left out and counted in every format, all of them refused") {
+TEST_CASE("a lost pose or point is skipped and counted in every format and only lost poses are refused") {
   for (const FormatFiles& format : all_formats()) {
     CAPTURE(format.name);
     const TempDir folder;
@@ -72,7 +72,7 @@ TEST_CASE("a lost pose and a lost point are left out and counted in every format
   }
 }
 
-TEST_CASE("NaN and Infinity of Python are read in JSON, but not in texts or for other words") {
+TEST_CASE("NaN and Infinity of Python are read in JSON but not in text files") {
   const TempDir folder;
   const SlamMap map = sample_scene();
   write_openmvg(folder / "sfm_data.json", map);
@@ -93,7 +93,7 @@ TEST_CASE("NaN and Infinity of Python are read in JSON, but not in texts or for 
   }
 }
 
-TEST_CASE("quaternions of another length are normalised and counted") {
+TEST_CASE("quaternions of non-unit norm are normalised and counted") {
   const TempDir folder;
   write_colmap_text(folder.path(), sample_scene());
   const std::string images = read_file(folder / "images.txt");
@@ -113,7 +113,7 @@ TEST_CASE("quaternions of another length are normalised and counted") {
   CHECK_THROWS_WITH(read_map(folder.path()), Contains("has length 3"));
 }
 
-TEST_CASE("a panorama that is off by a row is taken as one") {
+TEST_CASE("a panorama of one row more or less is accepted") {
   const SlamMap map = sample_scene();
   for (const auto& [width, height] : {std::pair(640, 321), {641, 320}, {640, 319}, {642, 321}}) {
     CAPTURE(width, height);
@@ -142,7 +142,7 @@ TEST_CASE("a panorama that is off by a row is taken as one") {
   }
 }
 
-TEST_CASE("Metashape: disabled cameras are left out, photos of one label distinguished by their groups") {
+TEST_CASE("Metashape skips disabled cameras and distinguishes photos of one label by group") {
   const TempDir folder;
   const SlamMap map = sample_scene();
   write_metashape(folder / "c.xml", map);
@@ -166,7 +166,7 @@ TEST_CASE("Metashape: disabled cameras are left out, photos of one label disting
   CHECK(grouped.find_keyframe(3)->image == "right/" + map.keyframes[2].image);
 }
 
-TEST_CASE("openMVG 0.2 begins folders with a separator") {
+TEST_CASE("openMVG 0.2 directories may begin with a separator") {
   const TempDir folder;
   const SlamMap map = sample_scene();
   write_openmvg(folder / "sfm_data.json", map);
@@ -176,7 +176,7 @@ TEST_CASE("openMVG 0.2 begins folders with a separator") {
   CHECK(read_map(folder / "sfm_data.json").keyframes[0].image == "frame 5.png");
 }
 
-TEST_CASE("AliceVision: views without a pose or of other cameras are left out, a shifted middle refused") {
+TEST_CASE("AliceVision skips views without a pose or of other cameras and refuses a shifted centre") {
   const TempDir folder;
   const SlamMap map = sample_scene();
   write_alicevision(folder / "cameras.sfm", map);
@@ -208,7 +208,7 @@ TEST_CASE("AliceVision: views without a pose or of other cameras are left out, a
   CHECK_THROWS_WITH(read(tree), Contains("poses[1].pose.transform.center[0]") && Contains("a number"));
 }
 
-TEST_CASE("binary files of openMVG and Meshroom are named, with the way to convert them") {
+TEST_CASE("binary files of openMVG and Meshroom are refused with the conversion to use") {
   const TempDir folder;
   const std::string version = std::string("\x03\0\0\0\0\0\0\0", 8) + "0.3";
   for (const std::string& begin : {std::string(), std::string("\x01")}) {

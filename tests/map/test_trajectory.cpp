@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Trajectories of all kinds, and which order of quaternions is taken.
+// Trajectory formats and detection of the quaternion order.
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -87,7 +87,7 @@ SlamMap read_text(const std::string& text, const ReadMapOptions& options = {}) {
 
 }  // namespace
 
-TEST_CASE("KITTI: twelve numbers a line, a frame each") {
+TEST_CASE("KITTI has twelve numbers per line and one line per frame") {
   const TempDir folder;
   const SlamMap map = sample_scene();
   write_kitti(folder / "poses.txt", map);
@@ -111,7 +111,7 @@ TEST_CASE("KITTI: twelve numbers a line, a frame each") {
   CHECK_THAT(error_of(folder / "poses.txt"), Contains("line 2") && Contains("11 numbers"));
 }
 
-TEST_CASE("EuRoC and VINS: nanoseconds, w first, further columns") {
+TEST_CASE("EuRoC and VINS have nanoseconds and w first and further columns") {
   const TempDir folder;
   const SlamMap map = sample_scene();
   write_euroc(folder / "data.csv", map);
@@ -129,7 +129,7 @@ TEST_CASE("EuRoC and VINS: nanoseconds, w first, further columns") {
   }
 }
 
-TEST_CASE("columns are taken by their names where a line gives them") {
+TEST_CASE("columns are identified by the header where present") {
   const SlamMap map = sample_scene();
   check_same_poses(read_text(text_of(map, {true, 1.0, " ", "", "# timestamp tx ty tz qw qx qy qz\n"})), map);
   check_same_poses(read_text(text_of(map, {false, 1.0, ",", "", "time,x,y,z,qx,qy,qz,qw\n"})), map);
@@ -143,7 +143,7 @@ TEST_CASE("columns are taken by their names where a line gives them") {
   CHECK_THROWS_WITH(read_text(text_of(map, {false, 1.0, " ", " 5"})), Contains("this looks like a text file"));
 }
 
-TEST_CASE("the order of quaternions is found where a file without names begins unturned, or looks along its path") {
+TEST_CASE("the quaternion order is detected from an identity start or a camera along its path") {
   for (const double yaw : {0.0, 0.9, 2.5}) {
     for (const bool z_up : {false, true}) {
       for (const bool w_first : {false, true}) {
@@ -160,14 +160,14 @@ TEST_CASE("the order of quaternions is found where a file without names begins u
       }
     }
   }
-  // Where nothing decides, TUM's order stands.
+  // Without evidence, TUM's order is kept.
   const SlamMap random = sample_scene();
   const SlamMap read = read_text(text_of(random, {}));
   check_same_poses(read, random);
   CHECK(read.notes.empty());
 }
 
-TEST_CASE("lost poses of a trajectory are left out, quaternions of another length normalised") {
+TEST_CASE("lost poses of a trajectory are skipped and non-unit quaternions normalised") {
   const std::string pose = " 1 2 3 0 0 0 1\n";
   const SlamMap map =
       read_text("1" + pose + "2 nan nan nan nan nan nan nan\n3 0 0 0 0 0 0 0\n4 1 2 3 0 0 0 1.2\n5" + pose);
@@ -180,7 +180,7 @@ TEST_CASE("lost poses of a trajectory are left out, quaternions of another lengt
   CHECK_THROWS_WITH(read_text("1" + pose + "2 1 2 3 0 0 0 3\n"), Contains("line 2") && Contains("length 3"));
 }
 
-TEST_CASE("times are in seconds, milli-, micro- or nanoseconds") {
+TEST_CASE("times may be in seconds or milli- or micro- or nanoseconds") {
   for (const double unit : {1.0, 1e3, 1e6, 1e9}) {
     CAPTURE(unit);
     CHECK(map_detail::seconds(1.7e9 * unit) == Approx(1.7e9).epsilon(1e-12));
@@ -188,7 +188,7 @@ TEST_CASE("times are in seconds, milli-, micro- or nanoseconds") {
   CHECK(map_detail::seconds(12.5) == 12.5);
 }
 
-TEST_CASE("the camera's place in the body is applied, however it is written") {
+TEST_CASE("the camera extrinsics are applied in every notation") {
   const TempDir folder;
   const SlamMap map = sample_scene();
   RigidTransform camera_from_body;

@@ -42,7 +42,7 @@ struct CellHash {
   }
 };
 
-/// What is seen from each place: a share of what lies within sight, by a hash of landmark and place.
+/// Observations from each position: a share of the landmarks within range, by a hash of landmark and position.
 std::vector<PlanKeyframe> see(const std::vector<Vector3d>& places, const std::vector<Vector3d>& points,
                               const MissionRecipe& recipe, std::mt19937& random) {
   std::unordered_map<Cell, std::vector<std::size_t>, CellHash> grid;

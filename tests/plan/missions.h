@@ -17,9 +17,9 @@ struct MissionRecipe {
   std::uint32_t seed = 1;
   int keyframes = 200;
   int landmarks_seen = 60;   ///< by a keyframe, at most
-  double step = 0.35;        ///< from keyframe to keyframe [scene units]
+  double step = 0.35;        ///< from keyframe to keyframe [map units]
   double density = 12.0;     ///< landmarks for each unit of length of a corridor
-  double sight = 8.0;        ///< how far landmarks are seen [scene units]
+  double sight = 8.0;        ///< maximum range of landmarks [map units]
   double skipped_ids = 0.1;  ///< share of ids that are missing, as after culling
   std::int64_t first_id = 0;
 };
@@ -33,13 +33,13 @@ std::vector<PlanKeyframe> walk(const MissionRecipe& recipe);
 /// Captures at random places of a wide floor, in random order.
 std::vector<PlanKeyframe> photos(const MissionRecipe& recipe);
 
-/// A sharpness record of all landmarks in which `factor` tells how blurred the image is (1 = sharp).
+/// A sharpness record of all landmarks with the blur `factor` of the image (1 = sharp).
 SharpnessRecord sharpness(const PlanKeyframe& keyframe, float factor);
 
-/// Every pose moved and turned by up to so much.
+/// Every pose moved and rotated by up to these amounts.
 std::vector<PlanKeyframe> jittered(std::vector<PlanKeyframe> keyframes, double by, std::uint32_t seed);
 
-/// Names what differs, for a failing test.
+/// Names the difference, for a failing test.
 std::string difference(const Plan& a, const Plan& b);
 
 }  // namespace pmsp::test

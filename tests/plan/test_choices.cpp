@@ -8,7 +8,7 @@
 #include "patchmatch/neighbours.h"
 #include "plan/choices.h"
 
-// What was decided before stays as long as it is nearly as good, and no longer.
+// Previous decisions are kept exactly while they are nearly as good.
 using namespace pmsp;
 
 namespace {
@@ -49,7 +49,7 @@ std::vector<std::size_t> near_of_third(const std::vector<double>& places, const 
 
 }  // namespace
 
-TEST_CASE("near neighbours of before stay while they are nearly as useful", "[plan][choices]") {
+TEST_CASE("previous near neighbours stay while they are nearly as useful", "[plan][choices]") {
   using Near = std::vector<std::size_t>;
   const std::vector<double> even = {-1.4, -0.7, 0.0, 0.7, 1.4};      // the outer ones: twice the best parallax
   const std::vector<double> nearly = {-0.76, -0.7, 0.0, 0.7, 0.76};  // as good as the inner ones
@@ -61,7 +61,7 @@ TEST_CASE("near neighbours of before stay while they are nearly as useful", "[pl
   CHECK(near_of_third(nearly, {0, 9}) == Near{1, 3});  // one is gone
 }
 
-TEST_CASE("a neighbour with which few landmarks are in common is less useful", "[plan][choices]") {
+TEST_CASE("a neighbour with few common landmarks is less useful", "[plan][choices]") {
   const Keyframe reference = keyframe_at(0, 0.0);
   Keyframe other = keyframe_at(1, 0.7);
   const double all = neighbour_usefulness(reference, other);
@@ -74,7 +74,7 @@ TEST_CASE("a neighbour with which few landmarks are in common is less useful", "
   CHECK(neighbour_usefulness(reference, other) == 0.0);
 }
 
-TEST_CASE("viewers of before stay while they are spread over those that there are", "[plan][choices]") {
+TEST_CASE("previous viewers stay while they are spread over the existing ones", "[plan][choices]") {
   PlanKeyframe given;
   given.id = 20;
   given.landmarks = ring(4.0);
@@ -103,7 +103,7 @@ TEST_CASE("viewers of before stay while they are spread over those that there ar
   CHECK(choose(&other) != other);  // some have gone out of reach
 }
 
-TEST_CASE("a depth range of before stays while both of its ends hardly differ", "[plan][choices]") {
+TEST_CASE("a previous depth range stays while both of its ends hardly differ", "[plan][choices]") {
   const Keyframe keyframe = keyframe_at(0, 0.0);
   const DepthRange now = choose_range(keyframe, {}, nullptr);
   REQUIRE(now.max > now.min);

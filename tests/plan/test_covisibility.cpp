@@ -38,7 +38,7 @@ std::vector<std::size_t> choose(const Keyframe& reference, const std::vector<Key
 
 }  // namespace
 
-TEST_CASE("source keyframes are those that add parallax", "[plan][covisibility]") {
+TEST_CASE("source views are those that add parallax", "[plan][covisibility]") {
   const Keyframe reference = surrounded(0, {0, 0, 0});
   const Keyframe ahead = surrounded(1, {0, 0, 0.4});
   const Keyframe same_line = surrounded(2, {0, 0, 0.42});
@@ -54,14 +54,14 @@ TEST_CASE("source keyframes are those that add parallax", "[plan][covisibility]"
   CHECK(choose(reference, {reference}, 2).empty());
 }
 
-TEST_CASE("a keyframe behind a wall is no source", "[plan][covisibility]") {
+TEST_CASE("a keyframe behind a wall is no source view", "[plan][covisibility]") {
   const Keyframe reference = surrounded(0, {0, 0, 0});
   const Keyframe ahead = surrounded(1, {0, 0, 0.4});
   const Keyframe in_a_closet = surrounded(2, {0.5, 0, 0}, 0.3);  // sees nothing of all that
   CHECK(choose(reference, {in_a_closet, ahead}, 2) == std::vector<std::size_t>{1});
 }
 
-TEST_CASE("keyframes without landmarks are no sources and have none", "[plan][covisibility]") {
+TEST_CASE("keyframes without landmarks are no source views and have none", "[plan][covisibility]") {
   Keyframe blind = surrounded(1, {0.5, 0, 0});
   blind.landmarks.clear();
   const Keyframe reference = surrounded(0, {0, 0, 0});
@@ -69,7 +69,7 @@ TEST_CASE("keyframes without landmarks are no sources and have none", "[plan][co
   CHECK(choose(blind, {reference}, 2).empty());
 }
 
-TEST_CASE("usefulness is that of the best source, and grows with sources", "[plan][covisibility]") {
+TEST_CASE("usefulness is that of the best source view and grows with their number", "[plan][covisibility]") {
   const Covisibility reference(surrounded(0, {0, 0, 0}));
   const Covisibility ahead(surrounded(1, {0, 0, 0.4}));
   const Covisibility beside(surrounded(2, {0.5, 0, 0}));

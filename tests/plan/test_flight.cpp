@@ -38,7 +38,7 @@ std::vector<std::int64_t> used_ids(const Plan& plan) {
   return result;
 }
 
-/// What holds for every plan of a flight.
+/// Invariants of every plan of a flight.
 void check_valid(const Plan& plan, const DensifierOptions& options) {
   std::map<std::int64_t, const PlanEntry*> by_id;
   std::map<std::int64_t, std::ptrdiff_t> place;  // among the used ones
@@ -102,7 +102,7 @@ void check_valid(const Plan& plan, const DensifierOptions& options) {
 
 }  // namespace
 
-TEST_CASE("a plan is the same for the same input and names only what is there", "[plan]") {
+TEST_CASE("a plan is the same for the same input and refers to existing keyframes only", "[plan]") {
   for (std::uint32_t seed = 0; seed < 12; ++seed) {
     const auto keyframes = mission_of(seed);
     for (const Quality quality : {Quality::kPaper, Quality::kOnline, Quality::kNormal, Quality::kHigh}) {
@@ -117,7 +117,7 @@ TEST_CASE("a plan is the same for the same input and names only what is there", 
   }
 }
 
-TEST_CASE("a plan made while keyframes come in is that of all of them, at every prefix", "[plan]") {
+TEST_CASE("a plan made incrementally is that of all keyframes at every prefix", "[plan]") {
   for (std::uint32_t seed = 0; seed < 6; ++seed) {
     const auto keyframes = mission_of(seed, 90);
     for (const Quality quality : {Quality::kOnline, Quality::kNormal}) {
@@ -145,7 +145,7 @@ TEST_CASE("a plan made while keyframes come in is that of all of them, at every 
   }
 }
 
-TEST_CASE("entries are complete a stated number of used keyframes later", "[plan]") {
+TEST_CASE("entries are complete after a documented number of used keyframes", "[plan]") {
   for (const Quality quality : {Quality::kOnline, Quality::kNormal}) {
     const DensifierOptions options = short_options(quality);
     const auto keyframes = mission_of(4);
@@ -177,7 +177,7 @@ TEST_CASE("entries are complete a stated number of used keyframes later", "[plan
   }
 }
 
-TEST_CASE("after the end of a sequence another one begins", "[plan]") {
+TEST_CASE("after the end of a sequence a new one begins", "[plan]") {
   const DensifierOptions options = short_options(Quality::kNormal);
   const auto first = mission_of(1, 40);
   auto second = mission_of(2, 40);
@@ -192,7 +192,7 @@ TEST_CASE("after the end of a sequence another one begins", "[plan]") {
   CHECK(Plan{{planner.entries().begin(), planner.entries().end()}} == both);
 }
 
-TEST_CASE("the chain of first planes begins anew where the block of ids changes", "[plan]") {
+TEST_CASE("the chain of first planes restarts where the block of ids changes", "[plan]") {
   for (std::uint32_t seed = 0; seed < 6; ++seed) {
     const auto keyframes = mission_of(seed);
     DensifierOptions options = short_options(Quality::kOnline);
@@ -226,7 +226,7 @@ TEST_CASE("the chain of first planes begins anew where the block of ids changes"
   CHECK(floor_div(15, 16) == 0);
 }
 
-TEST_CASE("poses that move a little flip nothing where the plan before is known", "[plan]") {
+TEST_CASE("small pose changes flip no decision where the previous plan is given", "[plan]") {
   int flipped_without = 0;
   for (std::uint32_t seed = 0; seed < 12; ++seed) {
     for (const Quality quality : {Quality::kOnline, Quality::kNormal}) {
@@ -246,7 +246,7 @@ TEST_CASE("poses that move a little flip nothing where the plan before is known"
   CHECK(flipped_without > 12);
 }
 
-TEST_CASE("a plan before does not hold on to what has become wrong", "[plan]") {
+TEST_CASE("a previous plan does not keep invalid decisions", "[plan]") {
   for (std::uint32_t seed = 0; seed < 6; ++seed) {
     const DensifierOptions options = short_options(Quality::kNormal);
     const auto keyframes = mission_of(seed);
@@ -258,7 +258,7 @@ TEST_CASE("a plan before does not hold on to what has become wrong", "[plan]") {
     const Plan grown = make_plan(keyframes, options, &before);
     const Plan fresh = make_plan(keyframes, options);
     check_valid(grown, options);
-    // What comes after the end of the plan before has its say in the entries near that end.
+    // Keyframes after the end of the previous plan affect the entries near that end.
     for (std::size_t i = 0; i < keyframes.size(); ++i) {
       CHECK(grown.entries[i].fusion == fresh.entries[i].fusion);
       CHECK(grown.entries[i].near.size() == fresh.entries[i].near.size());
@@ -266,7 +266,7 @@ TEST_CASE("a plan before does not hold on to what has become wrong", "[plan]") {
   }
 }
 
-TEST_CASE("the view filter of a plan decides as that of a stream does within a block", "[plan]") {
+TEST_CASE("the view filter of a plan decides like that of a stream within a block", "[plan]") {
   for (std::uint32_t seed = 0; seed < 6; ++seed) {
     MissionRecipe recipe;
     recipe.seed = seed;
@@ -286,7 +286,7 @@ TEST_CASE("the view filter of a plan decides as that of a stream does within a b
   }
 }
 
-TEST_CASE("what is not used says why", "[plan]") {
+TEST_CASE("unused keyframes have a reason", "[plan]") {
   MissionRecipe recipe;
   recipe.keyframes = 30;
   recipe.skipped_ids = 0.0;
@@ -330,7 +330,7 @@ TEST_CASE("hovering after a flight costs one keyframe a block, too", "[plan]") {
   CHECK(used[used.size() - 4] < 64);  // the last place of the flight is known
 }
 
-TEST_CASE("plans of nothing, of one keyframe and of keyframes without landmarks", "[plan]") {
+TEST_CASE("plans of no keyframes and of one keyframe and of keyframes without landmarks", "[plan]") {
   MissionRecipe recipe;
   recipe.keyframes = 20;
   for (const bool unordered : {false, true}) {

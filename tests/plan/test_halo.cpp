@@ -14,7 +14,7 @@ using namespace pmsp::test;
 
 namespace {
 
-/// What the points of keyframes need, followed one artefact at a time.
+/// Dependencies of the points of keyframes, one artefact at a time.
 class Naive {
  public:
   Naive(const Plan& plan, const DensifierOptions& options)
@@ -104,7 +104,7 @@ void check_nested(const Halo& found) {
 
 }  // namespace
 
-TEST_CASE("a halo is what the points need, nothing less and nothing more", "[plan][halo]") {
+TEST_CASE("a halo contains exactly the keyframes that the points need", "[plan][halo]") {
   MissionRecipe recipe;
   recipe.keyframes = 160;
   for (recipe.seed = 0; recipe.seed < 6; ++recipe.seed) {
@@ -194,7 +194,7 @@ TEST_CASE("a pass over images alone needs no planes of neighbours", "[plan][halo
   CHECK(needs(2, true).images.size() > alone.images.size());  // the second one looks at maps
 }
 
-TEST_CASE("the halo of a plan whose first planes go round in a circle has an end", "[plan][halo]") {
+TEST_CASE("the halo of a plan with a cycle of first planes is finite", "[plan][halo]") {
   MissionRecipe recipe;
   recipe.keyframes = 20;
   const DensifierOptions options = preset(Quality::kOnline);
@@ -228,7 +228,7 @@ TEST_CASE("points of a keyframe without a depth map need nothing", "[plan][halo]
   CHECK_THROWS_AS(halo(plan, {-1000}, options), InvalidInput);
 }
 
-TEST_CASE("whose planes points depend on is the same, asked one by one", "[plan]") {
+TEST_CASE("the keyframes whose planes points depend on are the same one by one", "[plan]") {
   MissionRecipe recipe;
   recipe.keyframes = 90;
   for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh}) {
@@ -247,7 +247,7 @@ TEST_CASE("whose planes points depend on is the same, asked one by one", "[plan]
   }
 }
 
-TEST_CASE("a chain through the whole flight has no halo", "[plan][halo]") {
+TEST_CASE("a chain through the whole mission has no halo", "[plan][halo]") {
   MissionRecipe recipe;
   recipe.keyframes = 20;
   DensifierOptions options = preset(Quality::kPaper);

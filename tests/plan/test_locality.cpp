@@ -33,7 +33,7 @@ const std::vector<Change>& changes() {
   return kChanges;
 }
 
-/// Where the used keyframes of a plan stand in line; of those that are not, where they would.
+/// Index of each keyframe among the used keyframes of a plan, also of unused ones.
 std::map<std::int64_t, int> places(const Plan& plan) {
   std::map<std::int64_t, int> result;
   int place = 0;
@@ -141,7 +141,7 @@ TEST_CASE("changing one keyframe of a flight changes entries near it only", "[pl
       }
     }
   }
-  CHECK(reached > 3);  // otherwise the missions would prove little
+  CHECK(reached > 3);  // otherwise the test would be weak
 }
 
 TEST_CASE("changing one keyframe of a set changes entries near it or sharing landmarks", "[plan][locality]") {

@@ -8,7 +8,7 @@
 
 using namespace pmsp;
 
-TEST_CASE("what is seen moves by the turn, and by the shift over the range", "[plan]") {
+TEST_CASE("the image motion is the rotation plus the translation over the range", "[plan]") {
   constexpr double kRange = 4.0;
   constexpr double kTurn = 0.01;  // [rad]
   const PosePair then{{}, {}};
@@ -23,15 +23,15 @@ TEST_CASE("what is seen moves by the turn, and by the shift over the range", "[p
   PosePair together = shifted;
   together.other = together.own;
   CHECK(moved_angle(then, together, kRange) == Approx(0.0).margin(1e-12));
-  CHECK(moved_angle(then, shifted, 0.0) == 0.0);  // nothing is seen of which a range is known
+  CHECK(moved_angle(then, shifted, 0.0) == 0.0);  // no landmarks with a known range
 }
 
-TEST_CASE("a shift is seen in proportion to the range, whatever units the keyframes have", "[plan]") {
+TEST_CASE("image motion by translation is the shift over the range in any units of the keyframes", "[plan]") {
   PosePair then;
   then.own.scale = 2.0;
   then.other.scale = 0.5;
   PosePair shifted = then;
-  shifted.own.cam_from_world.translation = {0.0, 0.2, 0.0};  // scene units
+  shifted.own.cam_from_world.translation = {0.0, 0.2, 0.0};  // map units
   CHECK(moved_angle(then, shifted, 4.0) == Approx(0.2 / (2.0 * 4.0)).epsilon(1e-6));
   PosePair turned = then;
   turned.own.cam_from_world.rotation = Eigen::AngleAxisd(0.01, Eigen::Vector3d::UnitY()).toRotationMatrix();

@@ -88,7 +88,7 @@ TEST_CASE("a bundle adjustment that only shakes poses leaves scales as they are"
   CHECK(recover_scales({}).empty());
 }
 
-TEST_CASE("either of baselines and landmarks does, and one that lies is not believed", "[live][scale]") {
+TEST_CASE("baselines or landmarks alone suffice and a contradicting one is rejected", "[live][scale]") {
   Flight flight(1.21);
   SECTION("no landmarks") {
     for (MovedKeyframe& keyframe : flight.keyframes) keyframe.ranges_before.clear();
@@ -100,7 +100,7 @@ TEST_CASE("either of baselines and landmarks does, and one that lies is not beli
     }
     CHECK(errors(flight.keyframes, flight.truth).back() < 0.01);
   }
-  SECTION("baselines that are noise: the flight nearly stands") {
+  SECTION("noisy baselines: the flight nearly stands") {
     for (std::size_t i = 0; i < kKeyframes; ++i) {
       flight.keyframes[i].before.cam_from_world = at(1e-3 * noise(5, 2 * i));
       flight.keyframes[i].after = at(1e-3 * noise(5, 2 * i + 1));
@@ -108,7 +108,7 @@ TEST_CASE("either of baselines and landmarks does, and one that lies is not beli
     const std::vector<double> found = errors(flight.keyframes, flight.truth);
     CHECK(found[kKeyframes / 2] < 0.01);
   }
-  SECTION("landmarks made anew, in another unit") {
+  SECTION("landmarks created again in another unit") {
     for (const std::size_t i : {std::size_t{0}, std::size_t{30}, std::size_t{31}, kKeyframes - 1}) {
       for (double& range : flight.keyframes[i].ranges_after) range *= 1.4;
     }
@@ -124,7 +124,7 @@ TEST_CASE("either of baselines and landmarks does, and one that lies is not beli
   }
 }
 
-TEST_CASE("scales are counted on from those before, within bounds", "[live][scale]") {
+TEST_CASE("scales accumulate from previous ones within bounds", "[live][scale]") {
   Flight flight(1.21);
   for (MovedKeyframe& keyframe : flight.keyframes) keyframe.before.scale = 0.5;
   for (double& truth : flight.truth) truth *= 0.5;
@@ -133,7 +133,7 @@ TEST_CASE("scales are counted on from those before, within bounds", "[live][scal
   for (const double scale : recover_scales(flight.keyframes)) CHECK(scale <= kMaxScale);
 }
 
-TEST_CASE("a keyframe has a say within the stated distance only", "[live][scale]") {
+TEST_CASE("a keyframe affects others within the documented distance only", "[live][scale]") {
   Flight flight(1.21);
   const std::vector<double> before = recover_scales(flight.keyframes);
   flight.keyframes[kSlow].after = at({30.0, 0.0, 0.0});
@@ -145,7 +145,7 @@ TEST_CASE("a keyframe has a say within the stated distance only", "[live][scale]
   }
 }
 
-TEST_CASE("what is no length counts for nothing", "[live][scale]") {
+TEST_CASE("invalid lengths are ignored", "[live][scale]") {
   Flight flight(1.21);
   for (MovedKeyframe& keyframe : flight.keyframes) {
     keyframe.ranges_after[0] = 0.0;
@@ -156,8 +156,7 @@ TEST_CASE("what is no length counts for nothing", "[live][scale]") {
   CHECK(errors(flight.keyframes, flight.truth)[kKeyframes / 2] < 0.003);
 }
 
-TEST_CASE("at the ends of a flight, where baselines lie on one side, most shaken poses change no scale",
-          "[live][scale]") {
+TEST_CASE("at the ends of a flight with baselines on one side most pose noise changes no scale", "[live][scale]") {
   int keyframes = 0, changed = 0;
   for (std::uint64_t seed = 0; seed < 60; ++seed) {
     Flight flight(1.0, 0.002, 0.01, 100 + 10 * seed);
@@ -169,5 +168,5 @@ TEST_CASE("at the ends of a flight, where baselines lie on one side, most shaken
     }
   }
   CAPTURE(keyframes, changed);
-  CHECK(changed < keyframes / 3);  // landmarks, which are left out here, tell more
+  CHECK(changed < keyframes / 3);  // without landmarks, which would give more evidence
 }

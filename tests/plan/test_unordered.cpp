@@ -37,7 +37,7 @@ int shared(const PlanKeyframe& a, const PlanKeyframe& b) {
 
 }  // namespace
 
-TEST_CASE("the order of a set means nothing", "[plan][unordered]") {
+TEST_CASE("the order of a set has no effect", "[plan][unordered]") {
   for (std::uint32_t seed = 0; seed < 6; ++seed) {
     auto keyframes = captures(seed);
     const Plan plan = make_plan(keyframes, set_options());
@@ -53,7 +53,7 @@ TEST_CASE("the order of a set means nothing", "[plan][unordered]") {
   }
 }
 
-TEST_CASE("links of a set join what shares landmarks", "[plan][unordered]") {
+TEST_CASE("links of a set join keyframes with common landmarks", "[plan][unordered]") {
   const DensifierOptions options = set_options();
   const auto keyframes = captures(3);
   std::map<std::int64_t, const PlanKeyframe*> by_id;
@@ -102,7 +102,7 @@ TEST_CASE("neighbours of a set lie in different directions", "[plan][unordered]"
   CHECK(widest > 0.7);  // the mean of independent directions is 0.64
 }
 
-TEST_CASE("poses of a set that move a little flip nothing", "[plan][unordered]") {
+TEST_CASE("small pose changes of a set flip no decision", "[plan][unordered]") {
   for (std::uint32_t seed = 0; seed < 6; ++seed) {
     auto keyframes = captures(seed);
     const Plan plan = make_plan(keyframes, set_options());
@@ -114,7 +114,7 @@ TEST_CASE("poses of a set that move a little flip nothing", "[plan][unordered]")
   }
 }
 
-TEST_CASE("a blurred capture is left out where another shows nearly the same", "[plan][unordered]") {
+TEST_CASE("a blurred capture is skipped where another shows nearly the same", "[plan][unordered]") {
   auto keyframes = captures(2, 40);
   for (PlanKeyframe& keyframe : keyframes) keyframe.sharpness = sharpness(keyframe, 1.0F);
   keyframes.push_back(keyframes[20]);
@@ -133,7 +133,7 @@ TEST_CASE("a blurred capture is left out where another shows nearly the same", "
   CHECK(make_plan(keyframes, set_options()).entries.back().used());  // better than a hole
 }
 
-TEST_CASE("two sets that share nothing stay apart", "[plan][unordered]") {
+TEST_CASE("two sets without common landmarks stay separate", "[plan][unordered]") {
   auto keyframes = captures(1, 30);
   const auto other = captures(2, 30);
   for (PlanKeyframe keyframe : other) {
@@ -153,7 +153,7 @@ TEST_CASE("two sets that share nothing stay apart", "[plan][unordered]") {
   }
 }
 
-TEST_CASE("Views of another room are no neighbours beside two of the same room", "[plan]") {
+TEST_CASE("Captures of another room are no neighbours beside two of the same room", "[plan]") {
   // Three captures in one room; two in the next one, which share a few landmarks through the door.
   std::vector<PlanKeyframe> keyframes(5);
   const auto sees = [&](int keyframe, int first, int count, double x) {

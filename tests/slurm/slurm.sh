@@ -16,7 +16,7 @@ if ((EUID != 0)); then
   exit 77
 fi
 
-if [[ -z ${PMSP_SLURM_HAS_LIMIT-} ]]; then # whatever hangs
+if [[ -z ${PMSP_SLURM_HAS_LIMIT-} ]]; then # limit for hanging commands
   PMSP_SLURM_HAS_LIMIT=yes exec timeout --kill-after=30 900 "$0" "$@"
 fi
 
@@ -39,12 +39,12 @@ processes() { # FILE VARIABLE...: that have a file of this name open, or each of
     echo "$pid"
   done
 }
-kill_all() { # as processes(); daemons die before they can tell of the ends of jobs
+kill_all() { # as processes(); daemons are killed before they can report ended jobs
   local -a pids
   local round
   for ((round = 0; round < 50; ++round)); do
     mapfile -t pids < <(processes "$@")
-    if ((${#pids[@]} == 0)); then return 0; fi # in a trap a bare return has the status from before
+    if ((${#pids[@]} == 0)); then return 0; fi # in a trap a bare return has the previous status
     kill -KILL "${pids[@]}" 2>/dev/null || true
     sleep 0.05
   done
@@ -137,10 +137,10 @@ start_node n2
 wait_for "the nodes" nodes_are_idle
 say "two nodes are up"
 
-# --- what is to come out ---
+# --- expected results ---
 cd "$work"
 small=(--width 128 --height 64 --backend cpu)
-for number in {1..12}; do # each another one
+for number in {1..12}; do # each different
   printf '{"name": "m%s", "map": "%s", "images": "%s", "options": {"seed": %s}}\n' "$number" "$map" "$images" "$number"
 done >missions.jsonl
 "$program" batch missions.jsonl -o local --jobs 2 --quiet "${small[@]}"
@@ -148,7 +148,7 @@ done >missions.jsonl
 say "local runs are done"
 
 # --- a job array over missions, and one mission in shards; node n2 is killed in the middle of each ---
-run_on() { # NODE FOLDER: holds on to a run there whose workspace in this folder has planes already
+run_on() { # NODE FOLDER: waits for a run there whose workspace in this directory has planes
   local pid workspace
   for pid in $(processes "" "SLURM_CONF=$SLURM_CONF" "SLURMD_NODENAME=$1"); do
     workspace=$(tr '\0' '\n' 2>/dev/null <"/proc/$pid/cmdline" | sed -n 's/^--workspace=//p; /^--workspace$/{n;p}') || true
@@ -181,7 +181,7 @@ kill_in_the_middle shards
 nothing_waits() {
   local job
   for job in $(squeue -h -o '%A %r' | sed -n 's/ BeginTime$//p'); do
-    scontrol update JobId="$job" StartTime=now # Slurm lets a requeued job wait two minutes
+    scontrol update JobId="$job" StartTime=now # Slurm delays a requeued job by two minutes
   done
   [[ -z $(squeue -h) ]]
 }

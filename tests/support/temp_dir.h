@@ -10,7 +10,7 @@
 
 namespace pmsp_test {
 
-/// A fresh folder that goes away with the object.
+/// A temporary directory, removed by the destructor.
 class TempDir {
  public:
   TempDir() {

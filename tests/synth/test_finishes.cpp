@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Cylinders, mirrors and glass, and the rooms that are made of them.
+// Cylinders, mirrors and glass, and the rooms made of them.
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
@@ -94,7 +94,7 @@ TEST_CASE("a cylinder is hit on its side, on its ends and not beyond them") {
   CHECK(large->distance == Approx(46.0).epsilon(1e-12));
 }
 
-TEST_CASE("a mirroring floor shows its own colour and that of what the mirrored ray meets") {
+TEST_CASE("a mirroring floor shows its own colour and that at the mirrored ray's hit") {
   Scene scene;
   scene.add(Plane{{0.0, 1.0, 0.0}, -Vector3d::UnitY()}, plain(kGreen), {0.2, false}, Label::kGlossy);
   scene.add(Sphere{{0.0, -1.0, 6.0}, 0.2}, plain(kRed));
@@ -116,7 +116,7 @@ TEST_CASE("a mirroring floor shows its own colour and that of what the mirrored 
   CHECK(scene.scaled(3.0).radiance(Vector3d::Zero(), to_floor).isApprox(scene.radiance(Vector3d::Zero(), to_floor)));
 }
 
-TEST_CASE("glass reflects once, lets the rest through, and the truth is what is behind it") {
+TEST_CASE("glass reflects once and transmits the rest and the truth is the surface behind it") {
   Scene scene;
   scene.add(Box{{0.0, 0.0, 2.0}, {1.0, 1.0, 0.01}, Eigen::Matrix3d::Identity()}, plain(kGreen), {0.1, true});
   scene.add(Plane{{0.0, 0.0, 5.0}, Vector3d::UnitZ()}, plain(kRed));

@@ -111,7 +111,7 @@ TEST_CASE("a surface point has the same colour in two views") {
   CHECK(same < 0.35 * other);
 }
 
-TEST_CASE("keyframe_of hands out what the mission owns") {
+TEST_CASE("keyframe_of returns pointers into the mission") {
   Mission mission = empty_room(small());
   const Keyframe keyframe = keyframe_of(mission, 2);
   CHECK(keyframe.id == 2);
@@ -139,7 +139,7 @@ TEST_CASE("a scaled mission is the same one in another unit") {
   }
 }
 
-TEST_CASE("a turned mission is what a turned camera would have seen") {
+TEST_CASE("a turned mission shows the view of a turned camera") {
   const Mission mission = textured_room(small(3));
   for (const int columns : {mission.width / 4, mission.width / 2, -5}) {
     const Mission rolled = turned(mission, columns);
@@ -161,7 +161,7 @@ TEST_CASE("a turned mission is what a turned camera would have seen") {
   }
 }
 
-TEST_CASE("landmark noise has the size that was asked for and is shared by all observers") {
+TEST_CASE("landmark noise has the requested size and is shared by all observers") {
   Recipe recipe = small();
   recipe.mission.landmarks.noise = 0.02;
   const Mission mission = sphere_inside(recipe);
@@ -194,7 +194,7 @@ TEST_CASE("missions are the same on every run") {
   }
 }
 
-TEST_CASE("special surfaces lie where the missions' names say") {
+TEST_CASE("special surfaces lie where the missions' names state") {
   const Mission corridor = corridor_across_seam(small(2));
   const Image<int>& around = corridor.frames[1].surface;
   const int middle = corridor.height / 2;
@@ -228,7 +228,7 @@ TEST_CASE("share_within counts pixels with truth only") {
   CHECK(share_within(depth, truth, 0.02, [](int x, int) { return x == 0; }) == 1.0);
 }
 
-TEST_CASE("yard: sky, riders and movers have labels, sky and riders no range, movers that of what is behind") {
+TEST_CASE("yard: sky and riders and movers have labels and movers have the range behind them") {
   Recipe recipe = small(2);
   const Mission plain = yard(recipe);
   recipe.rider = true;

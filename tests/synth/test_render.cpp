@@ -160,7 +160,7 @@ TEST_CASE("the result depends on scene, pose and seed only, not on threads") {
   CHECK(one.image.pixels() != render(room(), {}, 128, 64, options).image.pixels());
 }
 
-TEST_CASE("gain and noise change the image by what they say") {
+TEST_CASE("gain and noise change the image by the given amount") {
   Scene scene;
   scene.add(Sphere{Vector3d::Zero(), 1.0}, plain({100.0, 120.0, 140.0}));
   RenderOptions options;

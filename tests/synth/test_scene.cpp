@@ -26,7 +26,7 @@ Scene scene_of(const Primitive& primitive) {
 
 }  // namespace
 
-TEST_CASE("a sphere is hit where the closed form says, from inside and from outside") {
+TEST_CASE("a sphere is hit at the closed-form depth from inside and from outside") {
   const Scene scene = scene_of(Sphere{{1.0, 2.0, 3.0}, 2.0});
   for (std::uint64_t i = 0; i < 200; ++i) {
     const Vector3d ray = random_direction(i);
@@ -64,7 +64,7 @@ TEST_CASE("a box room is hit on the right wall") {
   }
 }
 
-TEST_CASE("a turned box inside a room hides what is behind it") {
+TEST_CASE("a turned box inside a room occludes the wall behind it") {
   Scene scene;
   scene.add(Box{Vector3d::Zero(), {4.0, 4.0, 4.0}, Eigen::Matrix3d::Identity()}, textured(1));
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(std::acos(-1.0) / 4.0, Vector3d::UnitY()).toRotationMatrix();
@@ -119,7 +119,7 @@ TEST_CASE("a scaled scene looks the same from the scaled position") {
   }
 }
 
-TEST_CASE("textures have the contrast that was asked for, and none where none was asked for") {
+TEST_CASE("textures have the requested contrast and none if zero is requested") {
   const auto deviation = [](const TextureOptions& options) {
     const Texture texture(options);
     double sum = 0.0;
@@ -158,7 +158,7 @@ TEST_CASE("the texture has detail at its finest octave and is smooth below it") 
   CHECK(mean_change(0.02 * finest) < 1.5);
 }
 
-TEST_CASE("foliage is hit on its leaves, and seen through between them") {
+TEST_CASE("foliage is hit on its leaves and transparent between them") {
   const Foliage leaves = foliage({0.0, 0.0, 5.0}, 1.0, 60, 0.1, 3);
   const Scene scene = scene_of(leaves);
   REQUIRE(leaves.leaves.size() == 60);
@@ -183,7 +183,7 @@ TEST_CASE("foliage is hit on its leaves, and seen through between them") {
   CHECK(2.0 * half->distance == Approx(whole->distance));
 }
 
-TEST_CASE("truth lies behind movers, what a camera sees does not, and the sky is where a ray meets nothing") {
+TEST_CASE("truth lies behind movers unlike the visible surface and rays without a hit are sky") {
   Scene scene;
   scene.add(Box{{0.0, 0.0, 8.0}, {2.0, 2.0, 1.0}, Eigen::Matrix3d::Identity()}, plain({10.0, 20.0, 30.0}));
   scene.add(Sphere{{0.0, 0.0, 4.0}, 0.5}, plain({200.0, 0.0, 0.0}), {}, Label::kMover);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// pmsp-synth as a user drives it, and what the project's own readers make of its files.
+// pmsp-synth on the command line, and its files as read by the project's readers.
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -134,7 +134,7 @@ TEST_CASE("the true trajectory is camera to world in metres, whatever the map's 
   CHECK(row == 2);
 }
 
-TEST_CASE("pmsp-synth --mask-nadir hides a rig in the mask, shows it in the images and leaves its range unknown") {
+TEST_CASE("pmsp-synth --mask-nadir adds a rig to mask and images and leaves its range unknown") {
   const TempDir folder;
   const fs::path out = folder / "mission";
   REQUIRE(synth_tool(folder, "--scene floor --keyframes 1 -w 128 --mask-nadir 45 --jpeg 95 -o " + quoted(out)).code ==
@@ -148,7 +148,7 @@ TEST_CASE("pmsp-synth --mask-nadir hides a rig in the mask, shows it in the imag
   }
 }
 
-TEST_CASE("scenes with things to tell apart have label images, the others none") {
+TEST_CASE("only scenes with labels have label images") {
   const TempDir folder;
   const fs::path out = folder / "mission";
   REQUIRE(synth_tool(folder, "--scene gloss --camera cheap --keyframes 2 -w 128 -o " + quoted(out)).code == 0);
@@ -180,7 +180,7 @@ TEST_CASE("the same seed gives the same bytes, another one does not") {
   CHECK(first != make("c", "6"));
 }
 
-TEST_CASE("a folder with files in it is left alone unless --force is given, which leaves nothing of the old mission") {
+TEST_CASE("a non-empty directory is refused without --force and replaced with it") {
   const TempDir folder;
   const fs::path out = folder / "mission";
   REQUIRE(synth_tool(folder, "--scene corridor --keyframes 3 -w 64 --mask-nadir 20 -o " + quoted(out)).code == 0);
@@ -199,7 +199,7 @@ TEST_CASE("a folder with files in it is left alone unless --force is given, whic
   CHECK_FALSE(fs::exists(out / "mask.png"));
 }
 
-TEST_CASE("wrong usage exits with 2, an impossible output with 6, both saying why") {
+TEST_CASE("wrong usage exits with 2 and an unwritable output with 6 and both name the cause") {
   const TempDir folder;
   CHECK(synth_tool(folder, "").code == 2);
   CHECK(synth_tool(folder, "--scene moon -o " + quoted(folder / "m")).code == 2);

@@ -6,7 +6,7 @@
 
 namespace pmsp_test {
 
-/// A connection to a port of this computer, of which nothing is expected: it may be refused or cut off at any time.
+/// A connection to a local port that may be refused or closed at any time.
 class Connection {
  public:
   explicit Connection(std::uint16_t port, int receive_buffer = 0);

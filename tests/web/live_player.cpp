@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// A SLAM for the test in a browser: a LiveDensifier that is given a mission and looked at by LiveServer. It tells the
-// address, then does what the lines on stdin say: "fly" (all keyframes come), "move" (each by 10 along x), "erase" (the
-// last one), "end".
+// A simulated SLAM for the browser test: a LiveDensifier with a mission, served by LiveServer. It prints the address,
+// then executes the lines on stdin: "fly" (all keyframes come), "move" (each by 10 along x), "erase" (the last one),
+// "end".
 #include <atomic>
 #include <chrono>
 #include <iostream>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Clients that mean harm: each is cut off, and others are served meanwhile.
+// Malicious clients: each is disconnected, and others are served meanwhile.
 #include <dirent.h>
 
 #include <atomic>
@@ -46,7 +46,7 @@ std::size_t open_descriptors() {
 
 }  // namespace
 
-TEST_CASE("who sends no request, or one letter at a time, is cut off") {
+TEST_CASE("clients that send no request or one letter at a time are disconnected") {
   const HttpServer server(impatient(), [](const HttpRequest&) { return text_reply("here"); });
   Connection silent(server.port()), slow(server.port());
   slow.send("GET ");
@@ -55,7 +55,7 @@ TEST_CASE("who sends no request, or one letter at a time, is cut off") {
   CHECK(get(server.port(), path_of(server.url())).body == "here");
 }
 
-TEST_CASE("who does not read is cut off, and keeps nobody waiting") {
+TEST_CASE("clients that do not read are disconnected and delay no other client") {
   const std::string large(16U << 20U, 'x');  // more than the sockets' buffers hold
   const HttpServer server(impatient(), [&](const HttpRequest& request) {
     return text_reply(request.path.front() == "large" ? large : "small");
@@ -71,7 +71,7 @@ TEST_CASE("who does not read is cut off, and keeps nobody waiting") {
   CHECK(get(server.port(), root + "large").body.size() == large.size());
 }
 
-TEST_CASE("long headers, bodies and other methods are refused") {
+TEST_CASE("long headers and bodies and other methods are refused") {
   const HttpServer server(impatient(), [](const HttpRequest&) { return text_reply("here"); });
   const std::string root = path_of(server.url());
   CHECK(get(server.port(), root, "X: " + std::string(9000, 'a') + "\r\n").status == 431);
@@ -91,7 +91,7 @@ TEST_CASE("long headers, bodies and other methods are refused") {
   CHECK(get(server.port(), root).body == "here");
 }
 
-TEST_CASE("a thousand connections keep nobody from being served") {
+TEST_CASE("a thousand connections do not prevent other clients from being served") {
   HttpOptions options;
   options.connections = 16;
   std::atomic<int> asked{0};
@@ -113,10 +113,10 @@ TEST_CASE("a thousand connections keep nobody from being served") {
   CHECK(get(server.port(), root).body == "here");
   CHECK(open_descriptors() <= before + 1000 + options.connections);
   known.send("GET " + root + " HTTP/1.1\r\nHost: x\r\nConnection: close\r\n\r\n");
-  CHECK(known.read_all().find("here", 200) != std::string::npos);  // the one that had shown the token is still there
+  CHECK(known.read_all().find("here", 200) != std::string::npos);  // the one with the token is still connected
 }
 
-TEST_CASE("an answer may be put off, and does not come for ever") {
+TEST_CASE("a response may be deferred until a timeout") {
   std::atomic<int> calls{0};
   const HttpServer server(impatient(), [&](const HttpRequest& request) -> std::optional<HttpReply> {
     ++calls;

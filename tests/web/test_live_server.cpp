@@ -44,13 +44,13 @@ KeyframePose pose_at(double x) {
   return pose;
 }
 
-HttpOptions impatient() {
+HttpOptions short_polls() {
   HttpOptions options;
   options.long_poll_timeout = std::chrono::milliseconds(200);
   return options;
 }
 
-/// What a page would see.
+/// The clouds of a page.
 struct Looked {
   explicit Looked(const std::string& url)
       : port(static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1)))), root(path_of(url)) {}
@@ -73,18 +73,19 @@ struct Looked {
   std::uint64_t since = 0, news = 0;
 };
 
-/// A map that is looked at.
-struct Served {
+/// A map served by LiveServer.
+struct ServedMap {
   LiveMap map;
   LiveServer server{
-      impatient(), {[this](LiveVersion since) { return map.changes_since(since); }, [this] { return map.snapshot(); }}};
+      short_polls(),
+      {[this](LiveVersion since) { return map.changes_since(since); }, [this] { return map.snapshot(); }}};
   Looked page{server.url()};
 };
 
 }  // namespace
 
-TEST_CASE("a page is told of points that are new, others, moved and gone") {
-  Served it;
+TEST_CASE("a page receives added and replaced and moved and removed clouds") {
+  ServedMap it;
   it.page.ask();
   it.map.publish({7, pose_at(1.0), 0}, std::make_shared<const KeyframeCloud>(cloud_of(7, 3)), true);
   json changes = it.page.ask();
@@ -120,8 +121,8 @@ TEST_CASE("a page is told of points that are new, others, moved and gone") {
   CHECK(it.page.ask()["removed"].empty());  // after a while, though nothing has happened
 }
 
-TEST_CASE("a page is told where the camera is, and when no more comes") {
-  Served it;
+TEST_CASE("a page receives the camera pose and the end of the mission") {
+  ServedMap it;
   it.page.ask();
   RigidTransform cam_from_world;  // turned by a quarter around z, at (1, 2, 3)
   cam_from_world.rotation << 0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0;
@@ -132,15 +133,15 @@ TEST_CASE("a page is told where the camera is, and when no more comes") {
   REQUIRE(matrix.size() == expected.size());
   for (std::size_t i = 0; i < expected.size(); ++i) CHECK(matrix[i] == Approx(expected[i]).margin(1e-12));
   CHECK(it.page.ask()["done"] == false);
-  std::thread ending([&] { it.server.finish(std::chrono::minutes(1)); });  // waits for who has not been told
+  std::thread ending([&] { it.server.finish(std::chrono::minutes(1)); });  // waits for pages without the final state
   bool is_done = false;
   for (int i = 0; i < 100 && !is_done; ++i) is_done = it.page.ask()["done"];
   CHECK(is_done);
   ending.join();
 }
 
-TEST_CASE("whatever else is asked of a live page is not there") {
-  Served it;
+TEST_CASE("unknown paths of a live page give 404") {
+  ServedMap it;
   for (const char* target :
        {"live", "live/", "live/points/7", "live/points/x/1", "live/points/7/-1", "live/points/7/1/2",
         "live/points/99999999999999999999/1", "live/other", "index.html", "live%2fchanges"}) {
@@ -154,7 +155,7 @@ TEST_CASE("whatever else is asked of a live page is not there") {
   CHECK_THAT(page.body, Contains("default-src 'none'; connect-src 'self';") && Contains("\"live\":1"));
 }
 
-TEST_CASE("a run after another one moves what it keeps, and drops what it does not name") {
+TEST_CASE("a second run moves clouds that it keeps and drops the others") {
   LiveArguments arguments;
   arguments.port = 0;
   LiveView view(arguments);

@@ -27,7 +27,7 @@ void write(const fs::path& path, const std::string& text) {
   std::ofstream(path) << text;
 }
 
-/// A folder with what may be served, and what may not.
+/// A directory with files that may and may not be served.
 struct Site {
   Site() {
     write(dir / "outside.txt", "secret");
@@ -55,7 +55,7 @@ struct Served {
 
 }  // namespace
 
-TEST_CASE("a folder's files are served, whole and in part") {
+TEST_CASE("files of a directory are served whole and in part") {
   const Site site;
   const Served served(site.dir / "site", "report.html");
   const Reply page = served.ask("");
@@ -76,7 +76,7 @@ TEST_CASE("a folder's files are served, whole and in part") {
   CHECK_THAT(head.head, Contains("Content-Length: 10"));
 }
 
-TEST_CASE("nothing but the folder's ordinary files is served") {
+TEST_CASE("only regular files of the directory are served") {
   const Site site;
   const Served served(site.dir / "site");
   for (const char* target : {"../outside.txt",
@@ -106,7 +106,7 @@ TEST_CASE("nothing but the folder's ordinary files is served") {
   }
 }
 
-TEST_CASE("without the token nothing is there") {
+TEST_CASE("requests without the token give 404") {
   const Site site;
   const Served served(site.dir / "site", "report.html");
   const std::string root = path_of(served.server.url());
@@ -123,7 +123,7 @@ TEST_CASE("without the token nothing is there") {
   CHECK_THAT(without_slash.head, Contains("Location: " + root + "\r\n"));
 }
 
-TEST_CASE("a folder shows its page, or which there are") {
+TEST_CASE("a directory shows its page or a list of pages") {
   const Site site;
   const Reply page = Served(site.dir / "site").ask("");
   CHECK(page.body == "page");
@@ -140,7 +140,7 @@ TEST_CASE("a folder shows its page, or which there are") {
   CHECK_THROWS_AS(FolderHandler(site.dir / "site", ".key"), pmsp::IoError);
 }
 
-TEST_CASE("a folder opens no hidden names, whoever has taken the path apart") {
+TEST_CASE("a directory opens no hidden names for any parsed path") {
   const Site site;
   const ServedFolder folder(site.dir / "site");
   CHECK(folder.open({"potree", "octree.bin"}).size == 10);

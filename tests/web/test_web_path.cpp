@@ -7,7 +7,7 @@ using namespace pmsp;
 using namespace pmsp::web;
 using Path = std::vector<std::string>;
 
-TEST_CASE("a target is taken apart and decoded once") {
+TEST_CASE("a target is split and decoded once") {
   CHECK(path_segments("/") == Path{""});
   CHECK(path_segments("/a/b") == Path{"a", "b"});
   CHECK(path_segments("/a/?since=3") == Path{"a", ""});
@@ -15,7 +15,7 @@ TEST_CASE("a target is taken apart and decoded once") {
   CHECK(path_segments("/%252e%252e/x") == Path{"%2e%2e", "x"});
 }
 
-TEST_CASE("a target that could lead elsewhere is none") {
+TEST_CASE("a target that could leave the directory is refused") {
   for (const char* target :
        {"",           "a",      "http://x/a", "//a",      "/a//b",          "/..",           "/a/../b",
         "/a/..",      "/.",     "/./a",       "/.hidden", "/a/.git/config", "/%2e%2e/b",     "/a/%2E%2e",

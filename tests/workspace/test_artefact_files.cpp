@@ -56,7 +56,7 @@ KeyframeCloud some_points(bool with_keys) {
 
 }  // namespace
 
-TEST_CASE("planes and points come back from their files as they were") {
+TEST_CASE("planes and points are read back unchanged") {
   const TempDir dir;
   const PlaneMap planes = some_planes();
   planes_file(dir / "p", planes)->commit();
@@ -90,7 +90,7 @@ TEST_CASE("planes and points come back from their files as they were") {
   }
 }
 
-TEST_CASE("a damaged file is refused wherever the damage is, and named") {
+TEST_CASE("a damaged file is refused by name for damage at any offset") {
   const TempDir dir;
   planes_file(dir / "planes", some_planes())->commit();
   points_file(dir / "points", some_points(true))->commit();
@@ -117,7 +117,7 @@ TEST_CASE("a damaged file is refused wherever the damage is, and named") {
   CHECK_THROWS_AS(read_planes(dir / "nothing"), IoError);
 }
 
-TEST_CASE("fingerprints tell apart what differs") {
+TEST_CASE("fingerprints differ for different inputs") {
   CHECK(Fingerprint().text().size() == 32);
   CHECK(Fingerprint().add("ab").add("c").text() == Fingerprint().add("ab").add("c").text());
   CHECK(Fingerprint().add("ab").add("c").text() != Fingerprint().add("a").add("bc").text());

@@ -29,7 +29,7 @@ std::map<std::int64_t, std::string> some_images(int first = 0, int last = kKeyfr
   return images;
 }
 
-/// Of a finished step with these inputs: each keyframe has planes.
+/// The record of a finished step with these inputs: each keyframe has planes.
 Record record_with(const StepInputs& inputs, const std::map<std::int64_t, std::string>& images) {
   StepInputs of_record = inputs;
   for (const auto& [id, image] : images) {
@@ -53,7 +53,7 @@ StepInputs inputs_with(const std::string& what, const std::string& with) {
 
 }  // namespace
 
-TEST_CASE("a mission that grows, moves or loses keyframes or images is the same, and nothing is lost") {
+TEST_CASE("a mission that grows or moves or loses keyframes or images keeps its results") {
   const StepInputs inputs = some_inputs();
   const Record record = record_with(inputs, some_images(0, 20));
   for (const auto& images : {some_images(0, 20), some_images(0, 40), some_images(0, 1), some_images(13, 15)}) {
@@ -69,7 +69,7 @@ TEST_CASE("a mission that grows, moves or loses keyframes or images is the same,
   CHECK_FALSE(loss_of(record, inputs, some_changed).is_nearly_all);
 }
 
-TEST_CASE("another mission has other images for the same ids, or its images for others") {
+TEST_CASE("another mission has other images for the same ids or the images for other ids") {
   const StepInputs inputs = some_inputs();
   const Record record = record_with(inputs, some_images());
   std::map<std::int64_t, std::string> others = some_images(), renumbered;
@@ -82,7 +82,7 @@ TEST_CASE("another mission has other images for the same ids, or its images for 
   CHECK(loss_of(record, inputs, some_images(kKeyframes, 60)).is_other_mission);
 }
 
-TEST_CASE("options, engine or mask that leave nothing are a loss, which is named") {
+TEST_CASE("options or engine or mask that invalidate all results are a named loss") {
   const Record record = record_with(some_inputs(), some_images());
   const auto loss = [&](const StepInputs& inputs) { return loss_of(record, inputs, some_images()); };
   CHECK(loss(inputs_with("640", "64")).is_nearly_all);
@@ -104,7 +104,7 @@ TEST_CASE("options, engine or mask that leave nothing are a loss, which is named
   CHECK_FALSE(loss_of(record, some_inputs(), masked).is_nearly_all);
 }
 
-TEST_CASE("what leaves planes as they are, and what follows from a mission that grows, is no loss") {
+TEST_CASE("changes that keep planes or follow from a growing mission are no loss") {
   const Record record = record_with(some_inputs(), some_images());
   StepInputs inputs = some_inputs();
   replace(inputs.options_json, "\"window\":7", "\"window\":5");

@@ -45,7 +45,7 @@ Record some_record() {
 
 }  // namespace
 
-TEST_CASE("a record comes back from its text as it was") {
+TEST_CASE("a record is parsed back from its text unchanged") {
   for (const Record& record : {some_record(), Record()}) {
     const std::string text = record_json(record);
     const Record back = record_from_json(text, "it");
@@ -64,7 +64,7 @@ TEST_CASE("a record comes back from its text as it was") {
   CHECK(back.keyframes.at(-3).sharpness.landmarks[0].vertical == 1.0F / 3.0F);
 }
 
-TEST_CASE("what is no record is refused by name, and leads to no file elsewhere") {
+TEST_CASE("an invalid record is refused by name and cannot refer to files outside the workspace") {
   const std::string text = record_json(some_record());
   for (std::size_t at = 0; at <= text.rfind('}'); at += 17) {
     CHECK_THROWS_WITH(record_from_json(text.substr(0, at), "work/workspace.json"), Contains("work/workspace.json"));

@@ -49,7 +49,7 @@ ShardMarker some_marker(int index, Wave wave = Wave::kPlanes) {
 
 }  // namespace
 
-TEST_CASE("stretches are the whole list, each thing once, in order, and nearly equal", "[shards]") {
+TEST_CASE("ranges of shards partition the list in order and nearly equally", "[shards]") {
   for (const int count : {1, 2, 3, 7, 64}) {
     for (const std::size_t size : {std::size_t{0}, std::size_t{1}, std::size_t{6}, std::size_t{7}, std::size_t{1000}}) {
       std::size_t next = 0, least = size, most = 0;
@@ -67,7 +67,7 @@ TEST_CASE("stretches are the whole list, each thing once, in order, and nearly e
   }
 }
 
-TEST_CASE("the first job stays, for others to compare with", "[shards]") {
+TEST_CASE("the first job is kept for comparison by others", "[shards]") {
   const TempDir dir;
   const ShardFolder folder(dir / "shards");
   CHECK_FALSE(folder.job(""));
@@ -89,7 +89,7 @@ TEST_CASE("the first job stays, for others to compare with", "[shards]") {
   CHECK_THROWS_WITH(folder.job(""), Contains("job-new.json") && Contains("damaged"));
 }
 
-TEST_CASE("jobs differ by what results depend on, and it is named", "[shards]") {
+TEST_CASE("jobs differ by the inputs of their results and the difference is named", "[shards]") {
   const ShardJob job = some_job();
   const auto differs = [&](const auto& change) {
     ShardJob mine = job;
@@ -117,7 +117,7 @@ TEST_CASE("jobs differ by what results depend on, and it is named", "[shards]") 
   CHECK_THAT(differs([](ShardJob& mine) { mine.frame_offset = 0; }), Contains("--frame-offset"));
 }
 
-TEST_CASE("shards leave word, a failure never takes the place of a success", "[shards]") {
+TEST_CASE("shards store their state and a failure never replaces a success", "[shards]") {
   const TempDir dir;
   const ShardFolder folder(dir / "shards");
   CHECK(folder.markers().empty());

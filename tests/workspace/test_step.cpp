@@ -58,7 +58,7 @@ Record after(const StepInputs& inputs, const Record& before = {}) {
   return record_of(plan_step(before, inputs), inputs, before);
 }
 
-/// A keyframe with a depth map in the middle, that others are matched with.
+/// A keyframe with a depth map in the middle, used as source view of others.
 std::int64_t middle(const Step& step) { return std::next(step.keyframes.begin(), step.keyframes.size() / 2)->first; }
 
 void move(StepInputs& inputs, std::int64_t id, double by) {
@@ -69,7 +69,7 @@ void move(StepInputs& inputs, std::int64_t id, double by) {
 
 }  // namespace
 
-TEST_CASE("a mission that comes for the first time is matched as without a workspace") {
+TEST_CASE("a new mission is matched as without a workspace") {
   const std::vector<PlanKeyframe> keyframes = flight();
   const StepInputs inputs = inputs_of(keyframes);
   const Step step = plan_step({}, inputs);
@@ -82,7 +82,7 @@ TEST_CASE("a mission that comes for the first time is matched as without a works
   for (const auto& [id, it] : step.keyframes) CHECK((it.passes == kFull && it.pose.scale == 1.0));
 }
 
-TEST_CASE("when nothing has changed, all is kept, and stays so") {
+TEST_CASE("an unchanged mission keeps all results in every further step") {
   const StepInputs inputs = inputs_of(flight());
   Record record = after(inputs);
   const Plan plan = record.plan;
@@ -107,7 +107,7 @@ TEST_CASE("steps have names that are functions of record and inputs") {
   CHECK(plan_step({}, moved).name != plan_step({}, inputs).name);
 }
 
-TEST_CASE("a step's name tells apart whatever its inputs may differ by") {
+TEST_CASE("a step's name differs for any difference of its inputs") {
   const StepInputs inputs = inputs_of(flight(24));
   const std::string name = plan_step({}, inputs).name;
   for (std::string StepInputs::*field : {&StepInputs::options_json, &StepInputs::engine, &StepInputs::mask}) {
@@ -128,7 +128,7 @@ TEST_CASE("a step's name tells apart whatever its inputs may differ by") {
   CHECK(step_name({}, other) == name);  // it follows from the images
 }
 
-TEST_CASE("a keyframe that moves is matched further, with those that look at it, far ones are left alone") {
+TEST_CASE("a moved keyframe and its viewers are refined and distant ones are kept") {
   const StepInputs inputs = inputs_of(flight());
   const Record record = after(inputs);
   const std::int64_t id = middle(plan_step({}, inputs));
@@ -149,7 +149,7 @@ TEST_CASE("a keyframe that moves is matched further, with those that look at it,
   CHECK_FALSE(plan_step(record, moved).keyframes.at(id).has_planes);
 }
 
-TEST_CASE("a move too small for planes has points asked again where it is seen") {
+TEST_CASE("a move too small for planes recomputes the points that see it") {
   const StepInputs inputs = inputs_of(flight());
   const Record record = after(inputs);
   const std::int64_t id = middle(plan_step({}, inputs));
@@ -162,7 +162,7 @@ TEST_CASE("a move too small for planes has points asked again where it is seen")
   CHECK((counts.points_kept > 0 && counts.points_kept < counts.maps));
 }
 
-TEST_CASE("small moves add up, since they are compared with where planes were made") {
+TEST_CASE("small moves accumulate against the poses that planes were computed with") {
   StepInputs inputs = inputs_of(flight());
   Record record = after(inputs);
   const std::int64_t id = middle(plan_step({}, inputs));
@@ -176,7 +176,7 @@ TEST_CASE("small moves add up, since they are compared with where planes were ma
   CHECK((matched > 0 && matched < 6));
 }
 
-TEST_CASE("other bytes of an image, another mask, options or engine make planes anew") {
+TEST_CASE("a changed image or mask or options or engine recomputes planes from scratch") {
   const StepInputs inputs = inputs_of(flight());
   const Record record = after(inputs);
   const std::int64_t id = middle(plan_step({}, inputs));
@@ -202,7 +202,7 @@ TEST_CASE("other bytes of an image, another mask, options or engine make planes 
   CHECK(count(plan_step(record, again)).points_kept == 0);
 }
 
-TEST_CASE("as a mission grows only its end is made, the newest keyframes make do with fewer passes for now") {
+TEST_CASE("a growing mission computes only its end with fewer passes for the newest keyframes") {
   const std::vector<PlanKeyframe> keyframes = flight(90);
   Record record;
   int passes = 0;
@@ -233,7 +233,7 @@ TEST_CASE("as a mission grows only its end is made, the newest keyframes make do
   }
 }
 
-TEST_CASE("as a mission grows, each pass finds around it what it finds in a run, and is made once") {
+TEST_CASE("in a growing mission each pass has the source depth maps of a full run and runs once") {
   const std::vector<PlanKeyframe> keyframes = flight(90);
   for (const Quality quality : {Quality::kOnline, Quality::kNormal, Quality::kHigh}) {
     const int full = preset(quality).advanced.patchmatch.geometric_passes + 1;
@@ -263,7 +263,7 @@ TEST_CASE("as a mission grows, each pass finds around it what it finds in a run,
   }
 }
 
-TEST_CASE("as a mission grows, its newest keyframes wait with small moves until they are matched anew") {
+TEST_CASE("in a growing mission small moves of the newest keyframes wait until these are matched again") {
   StepInputs inputs = inputs_of(flight());
   inputs.growing = true;
   const Step first = plan_step({}, inputs);
@@ -283,11 +283,11 @@ TEST_CASE("as a mission grows, its newest keyframes wait with small moves until 
   CHECK(end.keyframes.at(newest).passes == kFull);
 }
 
-TEST_CASE("as a mission grows on, its newest keyframes keep their planes until their neighbours are settled") {
+TEST_CASE("in a growing mission the newest keyframes keep planes until their neighbours are stable") {
   const std::vector<PlanKeyframe> keyframes = flight(46);
   const Record record = after(inputs_of({keyframes.begin(), keyframes.begin() + 40}));
   StepInputs inputs = inputs_of(keyframes);
-  inputs.options_json = R"({"other":1})";  // no leaning towards the plan of before
+  inputs.options_json = R"({"other":1})";  // no preference for the previous plan
   const Step end = plan_step(record, inputs);
   inputs.growing = true;
   const Step grown = plan_step(record, inputs);
@@ -300,7 +300,7 @@ TEST_CASE("as a mission grows on, its newest keyframes keep their planes until t
   CHECK(waiting > 0);
 }
 
-TEST_CASE("a growing mission leans towards what the plan has decided, in the end the plan is that of a run") {
+TEST_CASE("a growing mission prefers decisions of the previous plan and ends with the plan of a run") {
   StepInputs inputs = inputs_of(flight());
   const Record record = after(inputs);
   std::vector<PlanKeyframe> moved;
@@ -315,7 +315,7 @@ TEST_CASE("a growing mission leans towards what the plan has decided, in the end
   CHECK(difference(plan_step(record, inputs).plan, of_a_run) != "");
 }
 
-TEST_CASE("what is gone from the map is gone from the record") {
+TEST_CASE("keyframes removed from the map are removed from the record") {
   std::vector<PlanKeyframe> keyframes = flight();
   const StepInputs inputs = inputs_of(keyframes);
   const Record record = after(inputs);
@@ -328,7 +328,7 @@ TEST_CASE("what is gone from the map is gone from the record") {
   CHECK(after(without, record).keyframes.count(id) == 0);
 }
 
-TEST_CASE("a loop closure's similarity is found again, and planes go with it") {
+TEST_CASE("a loop closure's similarity is recovered and applied to planes") {
   constexpr double kScale = 1.3;
   const std::vector<PlanKeyframe> keyframes = flight(80);
   const StepInputs inputs = inputs_of(keyframes);
@@ -355,7 +355,7 @@ TEST_CASE("a loop closure's similarity is found again, and planes go with it") {
   CHECK(count(next).anew == 0);
 }
 
-TEST_CASE("a keyframe whose landmarks are as far away as before keeps its scale when poses shake") {
+TEST_CASE("a keyframe with unchanged landmark ranges keeps its scale under pose noise") {
   for (const std::uint64_t seed : {1U, 2U, 3U}) {
     StepInputs inputs = inputs_of(flight(24));
     inputs.growing = true;

@@ -33,7 +33,7 @@ Record record_naming(const std::string& file) {
 
 }  // namespace
 
-TEST_CASE("a finished step is found again, files that it does not name are deleted") {
+TEST_CASE("a finished step is reloaded and files that it does not list are deleted") {
   const TempDir dir;
   const std::filesystem::path folder = dir / "work";
   {
@@ -59,7 +59,7 @@ TEST_CASE("a finished step is found again, files that it does not name are delet
   CHECK_FALSE(workspace.record().keyframes.at(1).points);
 }
 
-TEST_CASE("what is not the workspace's stays, wherever it lies") {
+TEST_CASE("foreign files stay anywhere in the workspace") {
   const TempDir dir;
   const std::filesystem::path folder = dir / "work";
   { const Workspace workspace(folder); }
@@ -79,7 +79,7 @@ TEST_CASE("what is not the workspace's stays, wherever it lies") {
   CHECK(left == 10);
 }
 
-TEST_CASE("what is saved comes to the disk, at the latest when the workspace is closed") {
+TEST_CASE("saved files are written at the latest when the workspace is closed") {
   constexpr int kFiles = 200;
   const TempDir dir;
   const auto name_of = [](int id) { return std::to_string(id) + "-0123456789abcdef"; };
@@ -111,7 +111,7 @@ TEST_CASE("what is saved comes to the disk, at the latest when the workspace is 
   }
 }
 
-TEST_CASE("a file that cannot be saved fails one wait, later files are saved") {
+TEST_CASE("an unwritable file fails one wait and later files are saved") {
   const TempDir dir;
   Workspace workspace(dir / "work");
   std::filesystem::create_directories(dir / "work" / "planes" / kKept);
@@ -125,7 +125,7 @@ TEST_CASE("a file that cannot be saved fails one wait, later files are saved") {
   CHECK_THROWS_AS(workspace.commit({}), OutputError);
 }
 
-TEST_CASE("a workspace that nobody needs any more is removed, other files stay") {
+TEST_CASE("a workspace no longer needed is removed and other files stay") {
   const TempDir dir;
   for (const bool has_others : {false, true}) {
     CAPTURE(has_others);
@@ -144,10 +144,10 @@ TEST_CASE("a workspace that nobody needs any more is removed, other files stay")
     CHECK_FALSE(std::filesystem::exists(folder / "planes" / kOld));
   }
   CHECK(std::filesystem::exists(dir / "work" / "planes" / "notes.txt"));
-  CHECK_NOTHROW(Workspace(dir / "work"));  // what is left is one
+  CHECK_NOTHROW(Workspace(dir / "work"));  // the remains are a workspace
 }
 
-TEST_CASE("a folder is a workspace from its first moment, and may be a link") {
+TEST_CASE("a directory is a workspace once created and may be a symbolic link") {
   const TempDir dir;
   std::filesystem::create_directories(dir / "elsewhere");
   std::filesystem::create_directory_symlink(dir / "elsewhere", dir / "work");
@@ -156,7 +156,7 @@ TEST_CASE("a folder is a workspace from its first moment, and may be a link") {
   CHECK_NOTHROW(Workspace(dir / "work"));
 }
 
-TEST_CASE("nobody else works in a workspace meanwhile") {
+TEST_CASE("a workspace is locked for other processes") {
   const TempDir dir;
   {
     const Workspace workspace(dir / "work");
@@ -166,7 +166,7 @@ TEST_CASE("nobody else works in a workspace meanwhile") {
   CHECK_NOTHROW(Workspace(dir / "work"));
 }
 
-TEST_CASE("shards share a workspace with each other, and with nobody else") {
+TEST_CASE("shards share a workspace with each other and with no other process") {
   using Access = Workspace::Access;
   const TempDir dir;
   const auto refuses = [&](Access access) {
@@ -185,7 +185,7 @@ TEST_CASE("shards share a workspace with each other, and with nobody else") {
   CHECK_NOTHROW(Workspace(dir / "work"));
 }
 
-TEST_CASE("what was seen of an image is there until a step is through") {
+TEST_CASE("image records are kept until a step ends") {
   const TempDir dir;
   Workspace workspace(dir / "work", Workspace::Access::kShared);
   CHECK_FALSE(workspace.find_image_record(kKept));
@@ -202,7 +202,7 @@ TEST_CASE("what was seen of an image is there until a step is through") {
   CHECK_FALSE(workspace.find_image_record(kKept));
 }
 
-TEST_CASE("a folder with other things is no workspace") {
+TEST_CASE("a directory with foreign files is no workspace") {
   const TempDir dir;
   write_text(dir / "photo.jpg", "mine");
   CHECK_THROWS_WITH(Workspace(dir.path()), Contains("not empty"));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// What a SLAM does with libpmsp: keyframes in, points out. Here the keyframes show a hall that is the inside of a
-// sphere, so that where the points belong is known.
+// Use of libpmsp by a SLAM: keyframes in, points out. The keyframes show the inside of a sphere, so that the true
+// points are known.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -28,7 +28,7 @@ Eigen::Vector3d wall(const Eigen::Vector3d& from, const Eigen::Vector3d& ray) {
 
 std::uint8_t gray(double wave) { return static_cast<std::uint8_t>(127.5 + 127.0 * std::sin(wave)); }
 
-/// Paint that repeats nowhere.
+/// A texture without repetition.
 pmsp::Rgb paint(const Eigen::Vector3d& p) {
   const double bend = 3.0 * std::sin(1.7 * p.x() + 0.9 * p.y()) + 2.0 * std::sin(2.3 * p.z() - 1.1 * p.x());
   return {gray(7.0 * p.x() + bend), gray(8.0 * p.y() - 2.0 * p.x() - bend), gray(9.0 * p.z() + 3.0 * p.y() + bend)};
@@ -84,7 +84,7 @@ int main() {
   std::printf("libpmsp %s: %lld keyframes, %lld points, %lld of them on the wall\n", PMSP_VERSION_STRING,
               static_cast<long long>(stats.keyframes_added), static_cast<long long>(points),
               static_cast<long long>(on_wall));
-  // Nothing hides any part of the wall: all that one image shows is there, once.
+  // No part of the wall is occluded: the cloud contains each visible place once.
   const bool enough = points > kWidth * kHeight;
   const bool right = on_wall > points * 9 / 10;
   return stats.keyframes_added == kKeyframes && stats.points == points && enough && right ? 0 : 1;
