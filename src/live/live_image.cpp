@@ -41,7 +41,7 @@ ImageView<const Rgb> rgb_view(const LiveImage& image, Image<Rgb>& converted) {
       }
     }
   }
-  return static_cast<const Image<Rgb>&>(converted).owner();
+  return static_cast<const Image<Rgb>&>(converted).view();
 }
 
 void check_image(const LiveKeyframe& keyframe, const Image<std::uint8_t>* mask) {
