@@ -3,11 +3,11 @@
 #include <charconv>
 #include <cmath>
 #include <sstream>
-#include <system_error>
 #include <type_traits>
 
 #include "option_table.h"
 #include "pmsp/error.h"
+#include "util/number_from.h"
 
 namespace pmsp {
 namespace {
@@ -18,16 +18,6 @@ std::string number_text(T value) {
   char text[64];
   const auto result = std::to_chars(text, text + sizeof(text), value);
   return {text, result.ptr};
-}
-
-/// Parses a number; nullopt unless the whole text is one. A leading + is allowed.
-template <class T>
-std::optional<T> number_from(const std::string& text) {
-  T value{};
-  const char* first = text.data() + (text.size() > 1 && text[0] == '+' ? 1 : 0);
-  const auto result = std::from_chars(first, text.data() + text.size(), value);
-  if (result.ec != std::errc() || result.ptr != text.data() + text.size()) return std::nullopt;
-  return value;
 }
 
 std::string range_text(const OptionEntry& entry, bool whole) {

@@ -6,11 +6,11 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
 #include <string>
 #include <vector>
 
-#include "export/buffered_input.h"
+#include "export/little_endian.h"
+#include "io/binary_input.h"
 #include "pmsp/io/cloud.h"
 
 namespace pmsp {
@@ -22,48 +22,32 @@ inline std::size_t size_of(NumberType type) {
   return kSizes[static_cast<std::size_t>(type)];
 }
 
-template <class T>
-double load_number(const unsigned char* bytes, bool swap) {
-  unsigned char ordered[sizeof(T)];
-  std::memcpy(ordered, bytes, sizeof(T));
-  if (swap) std::reverse(ordered, ordered + sizeof(T));
-  T value;
-  std::memcpy(&value, ordered, sizeof(T));
-  return static_cast<double>(value);
-}
-
-/// `swap`: byte order differs from the machine's.
-inline double load_number(const unsigned char* bytes, NumberType type, bool swap) {
+inline double load_number(const char* bytes, NumberType type, bool big_endian = false) {
+  const auto load = [&](auto zero) { return static_cast<double>(get_number<decltype(zero)>(bytes, big_endian)); };
   switch (type) {
     case NumberType::kInt8:
-      return load_number<std::int8_t>(bytes, swap);
+      return load(std::int8_t{});
     case NumberType::kUint8:
-      return load_number<std::uint8_t>(bytes, swap);
+      return load(std::uint8_t{});
     case NumberType::kInt16:
-      return load_number<std::int16_t>(bytes, swap);
+      return load(std::int16_t{});
     case NumberType::kUint16:
-      return load_number<std::uint16_t>(bytes, swap);
+      return load(std::uint16_t{});
     case NumberType::kInt32:
-      return load_number<std::int32_t>(bytes, swap);
+      return load(std::int32_t{});
     case NumberType::kUint32:
-      return load_number<std::uint32_t>(bytes, swap);
+      return load(std::uint32_t{});
     case NumberType::kFloat:
-      return load_number<float>(bytes, swap);
+      return load(0.0F);
     case NumberType::kInt64:
-      return load_number<std::int64_t>(bytes, swap);
+      return load(std::int64_t{});
     case NumberType::kUint64:
-      return load_number<std::uint64_t>(bytes, swap);
+      return load(std::uint64_t{});
     case NumberType::kDouble:
       break;
   }
-  return load_number<double>(bytes, swap);
+  return load(0.0);
 }
-
-#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
-constexpr bool kSwapsLittle = true;
-#else
-constexpr bool kSwapsLittle = false;
-#endif
 
 /// Fields of a point in a file.
 enum CloudField { kX, kY, kZ, kNx, kNy, kNz, kRed, kGreen, kBlue, kConfidence, kViews, kCloudFields };
@@ -83,7 +67,7 @@ class PointBatch {
   }
 
   /// Adds the next point; fields missing in the file are ignored. Throws InvalidInput if the position is not finite.
-  void add(const CloudNumbers& v, const BufferedInput& input) {
+  void add(const CloudNumbers& v, const BinaryInput& input) {
     if (!std::isfinite(v[kX]) || !std::isfinite(v[kY]) || !std::isfinite(v[kZ])) {
       input.fail("point " + std::to_string(number_) + ", before " + input.here() +
                  ", has a position that is not finite");
@@ -153,16 +137,16 @@ struct PointRecords {
     info.has_views = has(kViews, 1);
   }
 
-  CloudNumbers numbers_of(const unsigned char* record) const {
+  CloudNumbers numbers_of(const char* record) const {
     CloudNumbers v{};
     for (std::size_t i = 0; i < v.size(); ++i) {
       const Number& it = numbers[i];
-      if (it.is_there) v[i] = load_number(record + it.at, it.type, kSwapsLittle) * it.scale + it.shift;
+      if (it.is_there) v[i] = load_number(record + it.at, it.type) * it.scale + it.shift;
     }
     return v;
   }
 
-  void read(BufferedInput& input, const CloudInfo& info, const CloudReader::Take& take) const {
+  void read(BinaryInput& input, const CloudInfo& info, const CloudReader::Take& take) const {
     PointBatch batch(info, color_scale, take);
     input.seek(begin);
     for (std::uint64_t i = 0; i < count; ++i) {

@@ -2,13 +2,13 @@
 #include "pmsp/io/cloud.h"
 
 #include <cmath>
-#include <fstream>
 #include <system_error>
 
 #include <Eigen/LU>
 #include <nlohmann/json.hpp>
 
 #include "export/fit_similarity.h"
+#include "io/binary_input.h"
 #include "pmsp/error.h"
 #include "workspace/workspace_cloud.h"
 
@@ -52,13 +52,10 @@ std::optional<Similarity> similarity_from(const Json& rows, double scale) {
 std::unique_ptr<CloudReader> open_cloud(const std::filesystem::path& path) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) return open_folder(path);
-  require_regular_file(path);
-  char magic[4] = {};
-  std::ifstream(path, std::ios::binary).read(magic, sizeof(magic));
-  if (std::string(magic, 4) == "LASF") return open_las_reader(path);
-  if (std::string(magic, 3) == "ply") return open_ply_reader(path);
-  throw InvalidInput(path.string() +
-                     ": is neither a PLY nor a LAS; convert other formats with CloudCompare or pdal translate");
+  BinaryInput in(path);
+  if (in.take_if("LASF")) return open_las_reader(path);
+  if (in.take_if("ply")) return open_ply_reader(path);
+  in.fail("is neither a PLY nor a LAS; convert other formats with CloudCompare or pdal translate");
 }
 
 std::optional<std::pair<Eigen::Vector3d, Eigen::Vector3d>> bounds_of(CloudReader& cloud) {

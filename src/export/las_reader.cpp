@@ -9,8 +9,6 @@
 #include <string>
 
 #include "export/cloud_fields.h"
-#include "export/little_endian.h"
-#include "pmsp/error.h"
 
 namespace pmsp {
 namespace {
@@ -67,10 +65,7 @@ class LasReader final : public CloudReader {
   void read(const Take& take) override { records_.read(input_, info_, take); }
 
  private:
-  std::string bytes(std::size_t count) {
-    const auto* const at = reinterpret_cast<const char*>(input_.take(count));
-    return {at, count};
-  }
+  std::string bytes(std::size_t count) { return {input_.take(count), count}; }
 
   void read_header() {
     const std::string start = bytes(kShortestHeader);
@@ -179,7 +174,7 @@ class LasReader final : public CloudReader {
     records_.color_scale = most > 255.0 ? 1.0 / 257.0 : 1.0;
   }
 
-  BufferedInput input_;
+  BinaryInput input_;
   PointRecords records_;
   std::size_t header_bytes_ = 0, extra_at_ = 0;
   std::uint32_t record_count_ = 0;

@@ -1,31 +1,28 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "export/number_table.h"
 
-#include <charconv>
+#include <algorithm>
 #include <cmath>
-#include <sstream>
-#include <system_error>
+#include <cstdint>
+#include <optional>
 #include <utility>
 
-#include "export/files.h"
-#include "pmsp/error.h"
+#include "io/text_input.h"
 
 namespace pmsp {
 namespace {
 
-bool is_number(const std::string& word, double& value) {
-  const char* first = word.data() + (word.size() > 1 && word[0] == '+' ? 1 : 0);
-  const auto [end, error] = std::from_chars(first, word.data() + word.size(), value);
-  return error == std::errc() && end == word.data() + word.size() && std::isfinite(value);
+constexpr const char* kBlanks = " \t\v\f\r,;";
+
+std::optional<double> finite_number(const std::string& word) {
+  const std::optional<double> value = number_from<double>(word);
+  return value && std::isfinite(*value) ? value : std::nullopt;
 }
 
 bool is_numbers(const std::string& text) {
-  std::istringstream words(text);
-  double value = 0.0;
-  for (std::string word; words >> word;) {
-    if (!is_number(word, value)) return false;
-  }
-  return true;
+  const std::vector<std::string> words = words_of(text, kBlanks);
+  return std::all_of(words.begin(), words.end(),
+                     [](const std::string& word) { return finite_number(word).has_value(); });
 }
 
 /// Trims the given characters at both ends.
@@ -38,21 +35,15 @@ std::string without(const std::string& text, const char* characters) {
 
 std::vector<NumberRow> read_number_table(const std::filesystem::path& path, std::string* names) {
   constexpr std::size_t kLongestName = 1000;
-  constexpr std::uintmax_t kMostBytes = std::uintmax_t{64} << 20;
-  require_regular_file(path);
-  std::error_code error;
-  if (std::filesystem::file_size(path, error) > kMostBytes || error) {
-    throw InvalidInput(path.string() + ": is larger than 64 MiB; expected a table of numbers");
-  }
-  std::istringstream text(read_whole_file(path));
+  constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;
+  TextInput in(path);
+  if (in.size() > kMostBytes) fail(path, "", "is larger than 64 MiB; expected a table of numbers");
   std::vector<NumberRow> rows;
   std::string columns;
-  std::string line;
-  for (std::size_t number = 1; std::getline(text, line); ++number) {
-    if (number == 1 && line.compare(0, 3, "\xEF\xBB\xBF") == 0) line.erase(0, 3);  // byte order mark
-    line = line.substr(0, line.find('#'));
+  while (in.next_line()) {
+    std::string line = in.line().substr(0, in.line().find('#'));
     NumberRow row;
-    row.line = number;
+    row.line = in.number_of_line();
     const std::size_t comma = line.find_first_of(",;");
     if (comma != std::string::npos) {
       const std::string first = without(line.substr(0, comma), " \t\r\"");
@@ -61,16 +52,11 @@ std::vector<NumberRow> read_number_table(const std::filesystem::path& path, std:
         line.erase(0, comma);
       }
     }
-    for (char& c : line) {
-      if (c == ',' || c == ';' || c == '\t' || c == '\r') c = ' ';
-    }
-    std::istringstream words(line);
-    std::string word;
+    const std::vector<std::string> words = words_of(line, kBlanks);
     std::string no_number;
-    while (words >> word) {
-      double value = 0.0;
-      if (is_number(word, value)) {
-        row.numbers.push_back(value);
+    for (const std::string& word : words) {
+      if (const std::optional<double> value = finite_number(word)) {
+        row.numbers.push_back(*value);
       } else if (row.name.empty() && row.numbers.empty()) {
         row.name = word.substr(0, kLongestName);
       } else if (no_number.empty()) {
@@ -78,12 +64,13 @@ std::vector<NumberRow> read_number_table(const std::filesystem::path& path, std:
       }
     }
     if (!no_number.empty() && rows.empty() && columns.empty() && row.numbers.empty() && !row.name.empty()) {
-      columns = row.name + " " + line;
+      columns = row.name;
+      for (const std::string& word : words) columns += " " + word;
       continue;
     }
     if (!no_number.empty()) {
-      throw InvalidInput(path.string() + ": line " + std::to_string(number) + ": \"" + no_number.substr(0, 40) +
-                         "\" is no number; expected numbers, with blanks or commas between them");
+      in.refuse("\"" + no_number.substr(0, 40) +
+                "\" is no number; expected numbers, with blanks or commas between them");
     }
     if (!row.numbers.empty() || !row.name.empty()) rows.push_back(std::move(row));
   }

@@ -1,36 +1,23 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <cstring>
-#include <fstream>
+#include <optional>
 #include <string>
-#include <system_error>
+#include <vector>
 
 #include "export/files.h"
+#include "export/little_endian.h"
+#include "io/binary_input.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth.h"
+#include "util/number_from.h"
 
 namespace pmsp {
 namespace {
 
 constexpr int kMaxSide = 1 << 20;
+constexpr std::size_t kLongestWord = 64;  ///< of the header
 
 static_assert(sizeof(Eigen::Vector3f) == 3 * sizeof(float), "rows of Vector3f are written as packed floats");
-
-constexpr bool host_is_big_endian() {
-#if defined(__BYTE_ORDER__) && __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
-  return true;
-#else
-  return false;
-#endif
-}
-
-void swap_floats(std::vector<char>& row) {
-  for (std::size_t i = 0; i + 4 <= row.size(); i += 4) {
-    std::reverse(row.begin() + static_cast<std::ptrdiff_t>(i), row.begin() + static_cast<std::ptrdiff_t>(i) + 4);
-  }
-}
 
 template <class T>
 void write(const std::filesystem::path& path, const Image<T>& image, const char* magic) {
@@ -40,68 +27,53 @@ void write(const std::filesystem::path& path, const Image<T>& image, const char*
              "\n-1.0\n");
   std::vector<char> row(static_cast<std::size_t>(image.width()) * sizeof(T));
   for (int y = image.height() - 1; y >= 0; --y) {
-    std::memcpy(row.data(), static_cast<const void*>(image.row(y)), row.size());
-    if (host_is_big_endian()) swap_floats(row);
+    const auto* const values = reinterpret_cast<const float*>(image.row(y));
+    char* at = row.data();
+    for (std::size_t i = 0; i < row.size() / sizeof(float); ++i) at = put_little(at, values[i]);
     file.write(row.data(), row.size());
   }
   file.commit();
 }
 
-// Reads a word of the header and exactly one blank after it, since the pixels may follow.
-std::string header_word(std::ifstream& stream) {
-  std::string word;
-  for (int c = stream.get(); stream; c = stream.get()) {
-    const bool blank = c == ' ' || c == '\n' || c == '\t' || c == '\r';
-    if (blank && !word.empty()) return word;
-    if (!blank) word.push_back(static_cast<char>(c));
-    if (word.size() > 64) break;
-  }
-  return {};
+/// Returns the next word of the header, empty if it is too long.
+std::string read_word(BinaryInput& in) {
+  std::string word = in.word(kLongestWord + 1);
+  return word.size() <= kLongestWord ? word : "";
 }
 
-int side_from(const std::string& word, const std::string& name) {
-  int value = 0;
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (error != std::errc() || end != word.data() + word.size() || value < 1 || value > kMaxSide) {
-    throw InvalidInput(name + ": the PFM header names no valid size; expected width and height from 1 to " +
-                       std::to_string(kMaxSide));
+int read_side(BinaryInput& in) {
+  const std::optional<int> side = number_from<int>(read_word(in));
+  if (!side || *side < 1 || *side > kMaxSide) {
+    in.fail("the PFM header names no valid size; expected width and height from 1 to " + std::to_string(kMaxSide));
   }
-  return value;
+  return *side;
 }
 
 template <class T>
 Image<T> read(const std::filesystem::path& path, const std::string& magic, const char* channels, const T& zero) {
-  const std::string name = path.string();
-  require_regular_file(path);
-  std::error_code error;
-  std::ifstream stream(path, std::ios::binary);
-  const std::uintmax_t size = std::filesystem::file_size(path, error);
-  if (!stream || error) throw IoError(name + ": cannot be opened for reading");
-  const std::string found = header_word(stream);
-  if (found != "Pf" && found != "PF") throw InvalidInput(name + ": is no PFM: it does not start with Pf or PF");
-  if (found != magic) throw InvalidInput(name + ": has the wrong number of channels; expected " + channels);
-  const int width = side_from(header_word(stream), name);
-  const int height = side_from(header_word(stream), name);
-  const std::string scale_word = header_word(stream);
-  double scale = 0.0;
-  const auto parsed = std::from_chars(scale_word.data(), scale_word.data() + scale_word.size(), scale);
-  if (parsed.ec != std::errc() || parsed.ptr != scale_word.data() + scale_word.size() || !std::isfinite(scale) ||
-      scale == 0.0) {
-    throw InvalidInput(name + ": the PFM header has no valid scale; expected a number other than 0");
+  BinaryInput in(path);
+  const std::string found = read_word(in);
+  if (found != "Pf" && found != "PF") in.fail("is no PFM: it does not start with Pf or PF");
+  if (found != magic) in.fail(std::string("has the wrong number of channels; expected ") + channels);
+  const int width = read_side(in);
+  const int height = read_side(in);
+  const std::optional<double> scale = number_from<double>(read_word(in));
+  if (!scale || !std::isfinite(*scale) || *scale == 0.0) {
+    in.fail("the PFM header has no valid scale; expected a number other than 0");
   }
-  const std::uintmax_t row_bytes = static_cast<std::uintmax_t>(width) * sizeof(T);
-  const std::uintmax_t expected =
-      static_cast<std::uintmax_t>(stream.tellg()) + row_bytes * static_cast<unsigned>(height);
-  if (size < expected) {
-    throw InvalidInput(name + ": ends at byte " + std::to_string(size) + ", but " + std::to_string(width) + " x " +
-                       std::to_string(height) + " pixels need " + std::to_string(expected) + "; is it cut off?");
+  const std::uint64_t row_bytes = static_cast<std::uint64_t>(width) * sizeof(T);
+  const std::uint64_t expected = in.position() + row_bytes * static_cast<unsigned>(height);
+  if (in.size() < expected) {
+    in.fail("ends at byte " + std::to_string(in.size()) + ", but " + std::to_string(width) + " x " +
+            std::to_string(height) + " pixels need " + std::to_string(expected) + "; is it cut off?");
   }
   Image<T> image(width, height, zero);
-  std::vector<char> row(static_cast<std::size_t>(row_bytes));
   for (int y = height - 1; y >= 0; --y) {
-    if (!stream.read(row.data(), static_cast<std::streamsize>(row.size()))) throw IoError(name + ": cannot be read");
-    if ((scale > 0.0) != host_is_big_endian()) swap_floats(row);
-    std::memcpy(static_cast<void*>(image.row(y)), row.data(), row.size());
+    auto* const values = reinterpret_cast<float*>(image.row(y));
+    const char* const row = in.take(static_cast<std::size_t>(row_bytes));
+    for (std::size_t i = 0; i < row_bytes / sizeof(float); ++i) {
+      values[i] = get_number<float>(row + i * sizeof(float), *scale > 0.0);
+    }
   }
   return image;
 }

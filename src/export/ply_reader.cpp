@@ -1,16 +1,15 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <memory>
 #include <optional>
 #include <string>
-#include <system_error>
 
 #include "export/cloud_fields.h"
-#include "pmsp/error.h"
+#include "io/text_input.h"
 #include "pmsp/io/cloud.h"
+#include "util/number_from.h"
 
 namespace pmsp {
 namespace {
@@ -59,26 +58,15 @@ std::optional<Type> type_from_name(const std::string& name) {
   return std::nullopt;
 }
 
-std::vector<std::string> split(const std::string& line) {
-  std::vector<std::string> words;
-  std::size_t at = 0;
-  while ((at = line.find_first_not_of(" \t", at)) != std::string::npos) {
-    const std::size_t end = std::min(line.find_first_of(" \t", at), line.size());
-    words.push_back(line.substr(at, end - at));
-    at = end;
-  }
-  return words;
-}
-
 class HeaderParser {
  public:
-  explicit HeaderParser(BufferedInput& input) : input_(input) {}
+  explicit HeaderParser(BinaryInput& input) : input_(input) {}
 
   Header parse() {
     if (next_line() != "ply") input_.fail("is no PLY: the first line is not \"ply\"");
     for (;;) {
       const std::string line = next_line();
-      const std::vector<std::string> words = split(line);
+      const std::vector<std::string> words = words_of(line, " \t");
       if (words.empty()) continue;
       if (words[0] == "end_header") break;
       if (words[0] == "comment") {
@@ -104,11 +92,7 @@ class HeaderParser {
   std::string next_line() {
     if (++line_ > kMaxHeaderLines) fail("exceeds the limit of lines before end_header");
     std::string line;
-    for (int c = input_.get(); c != '\n'; c = input_.get()) {
-      if (c < 0) fail("is cut off: the file ends before end_header");
-      line.push_back(static_cast<char>(c));
-      if (line.size() > kMaxHeaderLine) fail("is longer than " + std::to_string(kMaxHeaderLine) + " characters");
-    }
+    if (!input_.line(line, kMaxHeaderLine)) fail("is cut off: the file ends before end_header");
     if (!line.empty() && line.back() == '\r') line.pop_back();
     return line;
   }
@@ -139,9 +123,9 @@ class HeaderParser {
   void element(const std::vector<std::string>& words) {
     Element element;
     if (words.size() == 3) {
-      const std::string& digits = words[2];
-      const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), element.count);
-      if (error == std::errc() && end == digits.data() + digits.size() && element.count >= 0) {
+      const auto count = number_from<std::int64_t>(words[2]);
+      if (count && *count >= 0) {
+        element.count = *count;
         element.name = words[1];
         header_.elements.push_back(element);
         return;
@@ -170,7 +154,7 @@ class HeaderParser {
     properties.push_back(property);
   }
 
-  BufferedInput& input_;
+  BinaryInput& input_;
   Header header_;
   std::size_t line_ = 0;
   bool has_format_ = false;
@@ -179,14 +163,14 @@ class HeaderParser {
 // Numbers of the body in sequence, for all formats.
 class Body {
  public:
-  Body(BufferedInput& input, Format format)
-      : input_(input), ascii_(format == Format::kAscii), swap_(kSwapsLittle != (format == Format::kBigEndian)) {}
+  Body(BinaryInput& input, Format format)
+      : input_(input), ascii_(format == Format::kAscii), big_endian_(format == Format::kBigEndian) {}
 
-  double number(Type type) { return ascii_ ? token() : load_number(input_.take(size_of(type)), type, swap_); }
+  double number(Type type) { return ascii_ ? token() : load_number(input_.take(size_of(type)), type, big_endian_); }
 
   void skip_list(const Property& property) {
     const double count = number(property.count_type);
-    if (!(count >= 0)) input_.fail(input_.here() + ": a list with a negative length");
+    if (!(count >= 0)) input_.refuse("a list with a negative length");
     check_size(count, property.type);
     for (auto left = static_cast<std::int64_t>(std::ceil(count)); left > 0; --left) number(property.type);
   }
@@ -194,7 +178,7 @@ class Body {
   // Throws unless `count` numbers can still follow; to be called before allocating or looping.
   void check_size(double count, Type type) const {
     const double bytes = ascii_ ? 2.0 * count - 1.0 : count * static_cast<double>(size_of(type));
-    if (bytes > static_cast<double>(input_.remaining())) too_large();
+    if (bytes > static_cast<double>(input_.remaining())) input_.refuse("a list that is longer than the file");
   }
 
   void check_size(const Element& element) const {
@@ -211,29 +195,17 @@ class Body {
   }
 
  private:
-  [[noreturn]] void too_large() const { input_.fail(input_.here() + ": a list that is longer than the file"); }
-
   double token() {
-    int c = input_.get();
-    while (c == ' ' || c == '\t' || c == '\n' || c == '\r') c = input_.get();
-    std::string text;
-    while (c >= 0 && c != ' ' && c != '\t' && c != '\n' && c != '\r' && text.size() < kMaxToken) {
-      text.push_back(static_cast<char>(c));
-      c = input_.get();
-    }
-    if (text.empty()) input_.fail("ends at " + input_.here() + ", in the middle of the data");
-    const char* first = text.data() + (text[0] == '+' ? 1 : 0);
-    double value = 0.0;
-    const auto [end, error] = std::from_chars(first, text.data() + text.size(), value);
-    if (error != std::errc() || end != text.data() + text.size()) {
-      input_.fail("\"" + text.substr(0, 40) + "\" before " + input_.here() + " is no number");
-    }
-    return value;
+    const std::string text = input_.word(kMaxToken);
+    if (text.empty()) input_.require(1);
+    const std::optional<double> value = number_from<double>(text);
+    if (!value) input_.fail("\"" + text.substr(0, 40) + "\" before " + input_.here() + " is no number");
+    return *value;
   }
 
-  BufferedInput& input_;
+  BinaryInput& input_;
   bool ascii_;
-  bool swap_;
+  bool big_endian_;
 };
 
 // Targets of the vertices' properties.
@@ -249,7 +221,7 @@ struct VertexLayout {
   }
 };
 
-VertexLayout layout_of(const Element& vertex, const BufferedInput& input) {
+VertexLayout layout_of(const Element& vertex, const BinaryInput& input) {
   constexpr std::array<const char*, kCloudFields> kNames{"x",   "y",     "z",    "nx",         "ny",   "nz",
                                                          "red", "green", "blue", "confidence", "views"};
   constexpr std::size_t kPrefix = sizeof("scalar_") - 1;  // absent in files of libpmsp before 0.2
@@ -326,7 +298,7 @@ class PlyReader final : public CloudReader {
   }
 
  private:
-  BufferedInput input_;
+  BinaryInput input_;
   Header header_;
   const Element* vertex_ = nullptr;
   std::uint64_t begin_ = 0;

@@ -1,24 +1,21 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Potree 2 with encoding DEFAULT. Each point is in exactly one node, so octree.bin is the whole cloud.
 #include <array>
-#include <cmath>
 #include <memory>
 #include <string>
 
 #include <nlohmann/json.hpp>
 
 #include "export/cloud_fields.h"
-#include "export/files.h"
-#include "pmsp/error.h"
+#include "io/json_input.h"
 
 namespace pmsp {
 namespace {
 
-using Json = nlohmann::json;
-
 constexpr std::size_t kMostBytes = 65536;  ///< per point
 
-NumberType type_named(const std::string& name) {
+NumberType type_of(const JsonValue& attribute) {
+  const JsonValue type = attribute.at("type");
   constexpr std::array<std::pair<const char*, NumberType>, 10> kNames{{{"int8", NumberType::kInt8},
                                                                        {"uint8", NumberType::kUint8},
                                                                        {"int16", NumberType::kInt16},
@@ -29,18 +26,20 @@ NumberType type_named(const std::string& name) {
                                                                        {"double", NumberType::kDouble},
                                                                        {"int64", NumberType::kInt64},
                                                                        {"uint64", NumberType::kUint64}}};
-  for (const auto& [known, type] : kNames) {
-    if (name == known) return type;
+  for (const auto& [name, number] : kNames) {
+    if (type.text() == name) return number;
   }
-  throw InvalidInput("an attribute has the type \"" + name.substr(0, 40) + "\"; expected one such as uint16 or float");
+  type.refuse("a type such as uint16 or float");
 }
 
-void add_attribute(PointRecords& records, const Json& attribute, const Json& metadata) {
-  const NumberType type = type_named(attribute.at("type").get<std::string>());
-  const auto elements = attribute.at("numElements").get<std::size_t>();
-  if (elements < 1 || elements > kMostBytes)
-    throw InvalidInput("an attribute has " + std::to_string(elements) + " elements");
-  const auto name = attribute.at("name").get<std::string>();
+void add_attribute(PointRecords& records, const JsonValue& attribute, const JsonValue& metadata) {
+  const NumberType type = type_of(attribute);
+  const std::int64_t number = attribute.at("numElements").integer();
+  const auto elements = static_cast<std::size_t>(number);
+  if (number < 1 || elements > kMostBytes) {
+    attribute.at("numElements").refuse("1 to " + std::to_string(kMostBytes) + " elements");
+  }
+  const std::string& name = attribute.at("name").text();
   const auto put = [&](CloudField field, std::size_t element, double scale, double shift) {
     records.numbers[field] = {records.bytes + element * size_of(type), type, scale, shift, true};
   };
@@ -54,28 +53,21 @@ void add_attribute(PointRecords& records, const Json& attribute, const Json& met
       if (name == "rgb") {
         put(static_cast<CloudField>(kRed + i), i, 1.0, 0.0);
       } else {
-        put(static_cast<CloudField>(kX + i), i, metadata.at("scale").at(i).get<double>(),
-            metadata.at("offset").at(i).get<double>());
+        put(static_cast<CloudField>(kX + i), i, metadata.at("scale").element(i).number(),
+            metadata.at("offset").element(i).number());
       }
     }
   }
   if (name == "rgb" && size_of(type) == 2) records.color_scale = 1.0 / 257.0;
   records.bytes += elements * size_of(type);
-  if (records.bytes > kMostBytes) throw InvalidInput("a point has more than " + std::to_string(kMostBytes) + " bytes");
+  if (records.bytes > kMostBytes) attribute.refuse("points of at most " + std::to_string(kMostBytes) + " bytes");
 }
 
 class PotreeReader final : public CloudReader {
  public:
   explicit PotreeReader(const std::filesystem::path& folder) : input_(folder / "octree.bin") {
     info_.format = "Potree";
-    const std::filesystem::path path = folder / "metadata.json";
-    try {
-      read_metadata(Json::parse(read_whole_file(path)));
-    } catch (const InvalidInput& error) {
-      throw InvalidInput(path.string() + ": " + error.what());
-    } catch (const Json::exception& error) {
-      throw InvalidInput(path.string() + ": is no metadata of Potree 2 (" + error.what() + ")");
-    }
+    read_metadata(folder / "metadata.json");
     if (records_.count != input_.size() / records_.bytes || input_.size() % records_.bytes != 0) {
       input_.fail("has " + std::to_string(input_.size()) + " bytes, expected " + std::to_string(records_.count) +
                   " points of " + std::to_string(records_.bytes) + " bytes; is it cut off?");
@@ -87,21 +79,27 @@ class PotreeReader final : public CloudReader {
   void read(const Take& take) override { records_.read(input_, info_, take); }
 
  private:
-  void read_metadata(const Json& json) {
-    if (json.at("version").get<std::string>() != "2.0") throw InvalidInput("is not of Potree 2");
-    const auto encoding = json.at("encoding").get<std::string>();
+  void read_metadata(const std::filesystem::path& path) {
+    const nlohmann::json json = read_json(path);
+    const JsonValue metadata(json, path);
+    if (metadata.at("version").text() != "2.0") metadata.at("version").refuse("Potree 2");
+    const std::string& encoding = metadata.at("encoding").text();
     if (encoding != "DEFAULT") {
-      throw InvalidInput("is compressed (" + encoding.substr(0, 40) +
-                         "), expected no compression; convert it with PotreeConverter --encoding UNCOMPRESSED");
+      fail(path, "",
+           "is compressed (" + encoding.substr(0, 40) +
+               "), expected no compression; convert it with PotreeConverter --encoding UNCOMPRESSED");
     }
-    records_.count = json.at("points").get<std::uint64_t>();
-    for (const Json& attribute : json.at("attributes")) add_attribute(records_, attribute, json);
-    if (!records_.has(kX, 3)) throw InvalidInput("has no positions");
-    info_.wkt = json.value("projection", "");
-    if (json.contains("comments")) info_.comments = json.at("comments").get<std::vector<std::string>>();
+    records_.count = static_cast<std::uint64_t>(metadata.at("points").integer());
+    metadata.at("attributes").each_element([&](const JsonValue& attribute) {
+      add_attribute(records_, attribute, metadata);
+    });
+    if (!records_.has(kX, 3)) fail(path, "attributes", "has no positions");
+    if (metadata.has("projection")) info_.wkt = metadata.at("projection").text();
+    if (!metadata.has("comments")) return;
+    metadata.at("comments").each_element([&](const JsonValue& line) { info_.comments.push_back(line.text()); });
   }
 
-  BufferedInput input_;
+  BinaryInput input_;
   PointRecords records_;
 };
 

@@ -14,7 +14,6 @@ namespace pmsp {
 namespace {
 
 namespace fs = std::filesystem;
-using map_detail::JsonValue;
 
 bool is_file(const fs::path& path) {
   std::error_code ignored;
@@ -39,7 +38,7 @@ DepthFolder::DepthFolder(const fs::path& folder, const fs::path& images) : folde
   const fs::path index = folder / "index.json";
   indexed_ = is_file(index);
   if (!indexed_) return;
-  const nlohmann::json json = map_detail::read_json(index);
+  const nlohmann::json json = read_json(index);
   const JsonValue root(json, index);
   if (root.has("png_scale")) png_scale_ = root.at("png_scale").number();
   if (!(png_scale_ > 0.0)) root.at("png_scale").refuse("a number > 0");

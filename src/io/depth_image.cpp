@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -11,14 +10,13 @@
 
 #include <zlib.h>
 
-#include "export/files.h"
-#include "export/little_endian.h"
-#include "pmsp/error.h"
 #include "pmsp/io/depth.h"
+#include "text_input.h"
 
 namespace pmsp {
 namespace {
 
+constexpr std::size_t kLongestName = 255;  ///< of an EXR attribute or channel
 constexpr std::int64_t kMostPixels = std::int64_t{16384} * 8192;
 /// No more can come out of a byte that zlib has packed ("maximum expansion factor", zlib's technical details).
 constexpr std::size_t kMostExpansion = 1032;
@@ -33,50 +31,7 @@ float from_half(std::uint16_t bits) {
   return sign * std::ldexp(static_cast<float>(fraction + 1024), exponent - 25);
 }
 
-/// Bytes of a file, from the first to the last.
-class Bytes {
- public:
-  explicit Bytes(const std::filesystem::path& path) : path_(path), bytes_(read_whole_file(path)) {}
-
-  std::size_t size() const { return bytes_.size(); }
-  std::size_t at() const { return at_; }
-  const char* data(std::size_t at, std::size_t count) const {
-    if (at > bytes_.size() || count > bytes_.size() - at) {
-      throw InvalidInput(path_.string() + ": ends at byte " + std::to_string(bytes_.size()) +
-                         " in the middle of the data; is it cut off?");
-    }
-    return bytes_.data() + at;
-  }
-  const char* take(std::size_t count) {
-    const char* const from = data(at_, count);
-    at_ += count;
-    return from;
-  }
-  template <class T>
-  T number() {
-    return get_little<T>(take(sizeof(T)));
-  }
-  /// Up to a zero.
-  std::string text() {
-    const std::size_t end = bytes_.find('\0', at_);
-    if (end == std::string::npos || end - at_ > 255) refuse("a name without an end");
-    std::string found = bytes_.substr(at_, end - at_);
-    at_ = end + 1;
-    return found;
-  }
-  bool starts_with(const std::string& magic) const { return bytes_.compare(0, magic.size(), magic) == 0; }
-  [[noreturn]] void refuse(const std::string& what) const {
-    throw InvalidInput(path_.string() + ": byte " + std::to_string(at_) + ": " + what);
-  }
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-  std::string bytes_;
-  std::size_t at_ = 0;
-};
-
-void check_size(const Bytes& file, std::int64_t width, std::int64_t height) {
+void check_size(const BinaryInput& file, std::int64_t width, std::int64_t height) {
   if (width >= 1 && height >= 1 && width <= kMostPixels && height <= kMostPixels / width) return;
   file.refuse("the image is " + std::to_string(width) + " x " + std::to_string(height) +
               "; expected 1 to 16384 x 8192 pixels");
@@ -96,11 +51,11 @@ struct ExrHeader {
   std::int64_t width = 0, height = 0, first_row = 0;
 };
 
-std::vector<ExrChannel> exr_channels(Bytes& file) {
+std::vector<ExrChannel> exr_channels(BinaryInput& file) {
   std::vector<ExrChannel> channels;
-  for (std::string name = file.text(); !name.empty(); name = file.text()) {
+  for (std::string name = file.text(kLongestName); !name.empty(); name = file.text(kLongestName)) {
     const auto type = file.number<std::int32_t>();
-    file.take(4);
+    file.skip(4);
     const auto columns = file.number<std::int32_t>(), rows = file.number<std::int32_t>();
     if (type < 0 || type > 2 || columns != 1 || rows != 1) {
       file.refuse("channel \"" + name + "\" is of another kind; expected values of all pixels");
@@ -110,19 +65,18 @@ std::vector<ExrChannel> exr_channels(Bytes& file) {
   return channels;
 }
 
-ExrHeader exr_header(Bytes& file) {
+ExrHeader exr_header(BinaryInput& file) {
   ExrHeader header;
-  file.take(4);
   const auto version = file.number<std::uint32_t>();
   if ((version & 0xffU) != 2 || (version & 0x1a00U) != 0) {
     file.refuse("EXR of tiles, with several parts or of an unknown version; expected scan lines in one part");
   }
-  for (std::string name = file.text(); !name.empty(); name = file.text()) {
-    const std::string type = file.text();
+  for (std::string name = file.text(kLongestName); !name.empty(); name = file.text(kLongestName)) {
+    const std::string type = file.text(kLongestName);
     const auto size = file.number<std::int32_t>();
     if (size < 0) file.refuse("attribute \"" + name + "\" has a negative size");
-    const std::size_t end = file.at() + static_cast<std::size_t>(size);
-    file.data(file.at(), static_cast<std::size_t>(size));
+    const std::uint64_t end = file.position() + static_cast<std::uint64_t>(size);
+    file.require(static_cast<std::uint64_t>(size));
     if (name == "channels") {
       header.channels = exr_channels(file);
     } else if (name == "compression" && size == 1) {
@@ -134,8 +88,8 @@ ExrHeader exr_header(Bytes& file) {
       header.width = window[2] - window[0] + 1;
       header.height = window[3] - window[1] + 1;
     }
-    if (file.at() > end) file.refuse("attribute \"" + name + "\" exceeds its size");
-    file.take(end - file.at());
+    if (file.position() > end) file.refuse("attribute \"" + name + "\" exceeds its size");
+    file.seek(end);
   }
   check_size(file, header.width, header.height);
   if (header.channels.empty()) file.refuse("the image has no channels");
@@ -143,7 +97,7 @@ ExrHeader exr_header(Bytes& file) {
 }
 
 /// The channel that holds depth: the only one, or one of these names.
-std::size_t exr_depth_channel(const Bytes& file, const ExrHeader& header) {
+std::size_t exr_depth_channel(const BinaryInput& file, const ExrHeader& header) {
   std::size_t found = header.channels.size() == 1 ? 0 : header.channels.size();
   std::string names;
   for (std::size_t i = 0; i < header.channels.size(); ++i) {
@@ -171,7 +125,7 @@ void undo_prediction(std::vector<char>& bytes) {
   bytes = std::move(sorted);
 }
 
-void unpack(const Bytes& file, const char* packed, std::size_t size, std::vector<char>& bytes) {
+void unpack(const BinaryInput& file, const char* packed, std::size_t size, std::vector<char>& bytes) {
   uLongf length = static_cast<uLongf>(bytes.size());
   const int result = ::uncompress(reinterpret_cast<Bytef*>(bytes.data()), &length,
                                   reinterpret_cast<const Bytef*>(packed), static_cast<uLong>(size));
@@ -182,9 +136,9 @@ void unpack(const Bytes& file, const char* packed, std::size_t size, std::vector
 class ExrReader {
  public:
   explicit ExrReader(const std::filesystem::path& path) : file_(path) {
-    if (!file_.starts_with("\x76\x2f\x31\x01")) throw InvalidInput(path.string() + ": is no EXR");
+    if (!file_.take_if("\x76\x2f\x31\x01")) file_.fail("is no EXR");
   }
-  const Bytes& bytes() const { return file_; }
+  const BinaryInput& file() const { return file_; }
 
   /// `choose(header)`: which channels are wanted, of half or float.
   template <class Choose>
@@ -210,7 +164,7 @@ class ExrReader {
     }
     const std::size_t rows_at_once = header.compression == kZip ? 16 : 1;
     const std::size_t blocks = (height + rows_at_once - 1) / rows_at_once;
-    file_.take(blocks * sizeof(std::uint64_t));  // blocks say themselves where they belong
+    file_.skip(blocks * sizeof(std::uint64_t));  // blocks say themselves where they belong
     std::vector<char> bytes;
     for (std::size_t block = 0; block < blocks; ++block) {
       const std::int64_t y = file_.number<std::int32_t>() - header.first_row;
@@ -264,7 +218,7 @@ class ExrReader {
     }
   }
 
-  Bytes file_;
+  BinaryInput file_;
   std::vector<Layout> channels_;
 };
 
@@ -272,7 +226,7 @@ class ExrReader {
 // ---------------------------------------------------------------
 
 /// What follows a key of the header, which is a Python dictionary.
-std::string npy_value(const Bytes& file, const std::string& header, const std::string& key) {
+std::string npy_value(const BinaryInput& file, const std::string& header, const std::string& key) {
   std::size_t at = header.find("'" + key + "'");
   if (at != std::string::npos) at = header.find(':', at);
   if (at != std::string::npos) at = header.find_first_not_of(' ', at + 1);
@@ -287,18 +241,12 @@ std::string npy_value(const Bytes& file, const std::string& header, const std::s
 }
 
 /// Sides of an array; those of 1 do not count where there are more than two.
-std::vector<std::int64_t> npy_shape(const Bytes& file, const std::string& text) {
+std::vector<std::int64_t> npy_shape(const BinaryInput& file, const std::string& text) {
   std::vector<std::int64_t> sides;
-  for (std::size_t at = 0; at < text.size();) {
-    if (text[at] == ' ' || text[at] == ',') {
-      ++at;
-      continue;
-    }
-    std::int64_t side = 0;
-    const auto [end, error] = std::from_chars(text.data() + at, text.data() + text.size(), side);
-    if (error != std::errc() || side < 0) file.refuse("its shape is (" + text + "); expected whole numbers");
-    sides.push_back(side);
-    at = static_cast<std::size_t>(end - text.data());
+  for (const std::string& word : words_of(text, " ,")) {
+    const std::optional<std::int64_t> side = number_from<std::int64_t>(word);
+    if (!side || *side < 0) file.refuse("its shape is (" + text + "); expected whole numbers");
+    sides.push_back(*side);
   }
   for (std::size_t i = 0; i < sides.size() && sides.size() > 2;) {
     if (sides[i] == 1) {
@@ -312,12 +260,8 @@ std::vector<std::int64_t> npy_shape(const Bytes& file, const std::string& text) 
 }
 
 template <class T, class From>
-void take_values(Bytes& file, Image<float>& image, const From& from) {
-  const char* at = file.take(image.size() * sizeof(T));
-  for (float& value : image.pixels()) {
-    value = from(get_little<T>(at));
-    at += sizeof(T);
-  }
+void take_values(BinaryInput& file, Image<float>& image, const From& from) {
+  for (float& value : image.pixels()) value = from(file.number<T>());
 }
 
 }  // namespace
@@ -336,16 +280,15 @@ std::vector<ImageChannel> read_exr(const std::filesystem::path& path, const std:
 Image<float> read_exr_depth(const std::filesystem::path& path) {
   ExrReader file(path);
   std::vector<ImageChannel> channels = file.read(
-      [&](const ExrHeader& header) { return std::vector<std::size_t>{exr_depth_channel(file.bytes(), header)}; });
+      [&](const ExrHeader& header) { return std::vector<std::size_t>{exr_depth_channel(file.file(), header)}; });
   return std::move(channels.front().values);
 }
 
 Image<float> read_npy(const std::filesystem::path& path) {
-  Bytes file(path);
-  if (!file.starts_with("\x93NUMPY")) throw InvalidInput(path.string() + ": is no NPY");
-  file.take(6);
+  BinaryInput file(path);
+  if (!file.take_if("\x93NUMPY")) file.fail("is no NPY");
   const int version = file.number<std::uint8_t>();
-  file.take(1);
+  file.skip(1);
   if (version < 1 || version > 3) file.refuse("version " + std::to_string(version) + " of NPY; expected 1 to 3");
   const std::size_t length = version == 1 ? file.number<std::uint16_t>() : file.number<std::uint32_t>();
   const std::string header(file.take(length), length);
@@ -356,7 +299,7 @@ Image<float> read_npy(const std::filesystem::path& path) {
   check_size(file, sides[1], sides[0]);
   const std::size_t bytes = type == "<f2" ? 2 : type == "<f4" ? 4 : type == "<f8" ? 8 : 0;
   if (bytes == 0) file.refuse("its values are \"" + type + "\"; expected <f2, <f4 or <f8 (little-endian floats)");
-  file.data(file.at(), bytes * static_cast<std::size_t>(sides[0] * sides[1]));
+  file.require(bytes * static_cast<std::size_t>(sides[0] * sides[1]));
   Image<float> image(static_cast<int>(sides[1]), static_cast<int>(sides[0]));
   if (bytes == 2) take_values<std::uint16_t>(file, image, from_half);
   if (bytes == 4) take_values<float>(file, image, [](float value) { return value; });

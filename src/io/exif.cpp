@@ -3,14 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <functional>
 #include <initializer_list>
 #include <utility>
 
-#include "export/files.h"
+#include "binary_input.h"
 #include "jpeg_segments.h"
-#include "pmsp/error.h"
 #include "pmsp/io/images.h"
 
 namespace pmsp::io {
@@ -55,30 +53,6 @@ class Tiff {
   std::function<std::uint8_t(std::size_t)> byte_at_;
   std::size_t size_;
   bool little_;
-};
-
-/// Bytes of a file, read in pieces: tags of a TIFF file may follow its pixels.
-class FileBytes {
- public:
-  explicit FileBytes(std::ifstream& file) : file_(&file) {}
-
-  std::uint8_t operator()(std::size_t at) {
-    if (at < begin_ || at >= begin_ + piece_.size()) {
-      begin_ = at / kPiece * kPiece;
-      piece_.assign(kPiece, 0);
-      file_->clear();
-      file_->seekg(static_cast<std::streamoff>(begin_));
-      file_->read(reinterpret_cast<char*>(piece_.data()), static_cast<std::streamsize>(kPiece));
-    }
-    return piece_[at - begin_];
-  }
-
- private:
-  static constexpr std::size_t kPiece = 4096;
-
-  std::ifstream* file_;
-  Bytes piece_;
-  std::size_t begin_ = 0;
 };
 
 constexpr std::size_t kRationals = 5;  // entry type
@@ -175,15 +149,16 @@ Exif read_exif(const Bytes& bytes) {
 
 Exif read_exif(const std::filesystem::path& path) {
   constexpr std::size_t kMost = std::size_t{1} << 20;
-  require_regular_file(path);
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw IoError(path.string() + ": cannot be opened for reading");
-  Bytes bytes(kMost);
-  file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-  if (file.bad()) throw IoError(path.string() + ": cannot be read");
-  bytes.resize(static_cast<std::size_t>(file.gcount()));
-  if (is_tiff_file(bytes)) {
-    return exif_of_tiff_file(Tiff(FileBytes(file), static_cast<std::size_t>(std::filesystem::file_size(path))));
+  BinaryInput in(path);
+  const std::size_t size = static_cast<std::size_t>(std::min<std::uint64_t>(in.size(), kMost));
+  const char* const begin = in.take(size);
+  const Bytes bytes(begin, begin + size);
+  if (is_tiff_file(bytes)) {  // tags may follow the pixels
+    const auto byte_at = [&in](std::size_t at) {
+      in.seek(at);
+      return static_cast<std::uint8_t>(in.get());
+    };
+    return exif_of_tiff_file(Tiff(byte_at, static_cast<std::size_t>(in.size())));
   }
   return read_exif(bytes);
 }

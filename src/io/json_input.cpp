@@ -3,107 +3,137 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <unordered_set>
 #include <vector>
 
-#include "export/files.h"
-#include "map_byte_source.h"
-#include "map_scene.h"
+#include "binary_input.h"
 
-namespace pmsp::map_detail {
+namespace pmsp {
 namespace {
 
 using nlohmann::json;
 
 constexpr int kMaxDepth = 64;
 
-/// The characters of a file, with null for each NaN, Infinity and -Infinity outside of texts.
+/// Characters of a file, with null instead of NaN, Infinity and -Infinity outside of strings.
 class JsonCharacters {
  public:
-  explicit JsonCharacters(ByteSource& source) : source_(source) { replace_word(); }
+  explicit JsonCharacters(BinaryInput& in) : in_(in) { replace_word(); }
 
-  bool at_end() const { return at_ == word_.size() && source_.at_end(); }
-  char peek() const { return at_ < word_.size() ? word_[at_] : source_.peek(); }
+  bool at_end() const { return at_ == word_.size() && in_.remaining() == 0; }
+  char peek() const { return at_ < word_.size() ? word_[at_] : static_cast<char>(in_.peek()); }
   void advance() {
     if (at_ < word_.size()) {
       if (++at_ < word_.size()) return;
     } else {
-      const char c = source_.peek();
+      const int c = in_.get();
+      if (in_.position() - token_ > kLongestToken) {
+        in_.refuse("a string or blanks of more than a mebibyte, expected no such thing in JSON");
+      }
       if (c == '"' && !is_escaped_) is_text_ = !is_text_;
       is_escaped_ = is_text_ && c == '\\' && !is_escaped_;
-      source_.advance();
     }
     replace_word();
   }
+  /// To be called after each token of the parser.
+  void token_seen() { token_ = in_.position(); }
 
  private:
-  /// Where a word begins that may be one of those, `word_` is what is read instead of it.
+  /// Reads a word that may be one of those into `word_`, which is read instead.
   void replace_word() {
-    if (is_text_ || source_.at_end()) return;
-    const char first = source_.peek();
+    const int first = is_text_ ? -1 : in_.peek();
     if (first != 'N' && first != 'I' && first != '-') return;
     word_.clear();
     at_ = 0;
-    do {
-      word_ += source_.peek();
-      source_.advance();
-    } while (!source_.at_end() && is_letter(source_.peek()) && word_.size() < kLongest);
+    do word_ += static_cast<char>(in_.get());
+    while (is_letter(in_.peek()) && word_.size() < kLongest);
     if (word_ == "NaN" || word_ == "-NaN" || word_ == "Infinity" || word_ == "-Infinity") word_ = "null";
   }
 
-  static bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
+  static bool is_letter(int c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); }
 
-  static constexpr std::size_t kLongest = 10;
+  static constexpr std::size_t kLongest = 10;  ///< characters of these words
+  static constexpr std::uint64_t kLongestToken = std::uint64_t{1} << 20;
 
-  ByteSource& source_;
+  BinaryInput& in_;
+  std::uint64_t token_ = 0;  ///< end of the last one
   std::string word_;
   std::size_t at_ = 0;  ///< in `word_`
   bool is_text_ = false;
   bool is_escaped_ = false;
 };
 
-/// Looks at the parser's tokens as they come.
+/// Input iterator over these for the parser; the end if `characters` is null.
+class JsonIterator {
+ public:
+  using iterator_category = std::input_iterator_tag;
+  using value_type = char;
+  using difference_type = std::ptrdiff_t;
+  using pointer = const char*;
+  using reference = char;
+
+  explicit JsonIterator(JsonCharacters* characters = nullptr) : characters_(characters) {}
+
+  char operator*() const { return characters_->peek(); }
+  JsonIterator& operator++() {
+    characters_->advance();
+    return *this;
+  }
+  friend bool operator==(const JsonIterator& a, const JsonIterator& b) { return a.is_done() == b.is_done(); }
+  friend bool operator!=(const JsonIterator& a, const JsonIterator& b) { return a.is_done() != b.is_done(); }
+
+ private:
+  bool is_done() const { return characters_ == nullptr || characters_->at_end(); }
+
+  JsonCharacters* characters_;
+};
+
+/// Checks each token of the parser.
 class Guard {
  public:
-  Guard(const std::filesystem::path& path, ByteSource& source) : path_(path), source_(source) {}
+  Guard(const BinaryInput& in, JsonCharacters& characters) : in_(in), characters_(characters) {}
 
   bool operator()(int depth, json::parse_event_t event, json& value) {
-    source_.token_seen();
+    characters_.token_seen();
     if (depth > kMaxDepth) {
-      fail(path_, here(), "values nested " + std::to_string(depth) + " deep, expected " + std::to_string(kMaxDepth));
+      in_.refuse("values nested " + std::to_string(depth) + " deep, expected " + std::to_string(kMaxDepth));
     }
     if (event == json::parse_event_t::object_start) keys_.emplace_back();
     if (event == json::parse_event_t::object_end) keys_.pop_back();
     if (event == json::parse_event_t::key && !keys_.back().insert(value.get_ref<const std::string&>()).second) {
-      fail(path_, here(), "the key " + in_quotes(value.get_ref<const std::string&>()) + " appears twice in one object");
+      in_.refuse("the key " + in_quotes(value.get_ref<const std::string&>()) + " appears twice in one object");
     }
     return true;
   }
 
  private:
-  std::string here() const { return "byte " + std::to_string(source_.offset()); }
-
-  const std::filesystem::path& path_;
-  ByteSource& source_;
+  const BinaryInput& in_;
+  JsonCharacters& characters_;
   std::vector<std::unordered_set<std::string>> keys_;  ///< of the objects that are open
 };
+
+json parse(BinaryInput& in) {
+  JsonCharacters characters(in);
+  Guard guard(in, characters);
+  try {
+    return json::parse(JsonIterator(&characters), JsonIterator(), std::ref(guard));
+  } catch (const json::exception& error) {
+    in.refuse(in.remaining() == 0 ? "the file ends before the JSON text is complete: it is truncated; copy it again"
+                                  : std::string("broken JSON (") + error.what() + ")");
+  }
+}
 
 }  // namespace
 
 json read_json(const std::filesystem::path& path) {
-  require_regular_file(path);
-  ByteSource source(path);
-  using Iterator = SourceIterator<JsonCharacters>;
-  JsonCharacters characters(source);
-  Guard guard(path, source);
-  try {
-    return json::parse(Iterator(&characters), Iterator(), std::ref(guard));
-  } catch (const json::exception& error) {
-    const bool ended = source.at_end();
-    fail(path, "byte " + std::to_string(source.offset()),
-         ended ? "the file ends before the JSON text is complete: it is truncated; copy it again"
-               : std::string("broken JSON (") + error.what() + ")");
-  }
+  BinaryInput in(path);
+  return parse(in);
+}
+
+json parse_json(const std::string& text, const std::filesystem::path& name) {
+  BinaryInput in(name, text);
+  return parse(in);
 }
 
 void JsonValue::refuse(const std::string& expected) const {
@@ -152,7 +182,7 @@ std::int64_t JsonValue::integer() const {
 }
 
 const std::string& JsonValue::text() const {
-  if (!json_->is_string()) refuse("a text");
+  if (!json_->is_string()) refuse("a string");
   return json_->get_ref<const std::string&>();
 }
 
@@ -189,4 +219,4 @@ Eigen::Matrix4d JsonValue::matrix4() const {
   return matrix;
 }
 
-}  // namespace pmsp::map_detail
+}  // namespace pmsp

@@ -7,15 +7,16 @@
 #include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
-namespace pmsp::map_detail {
+namespace pmsp {
 
-/// Reads a JSON file. Objects in which a key comes twice are refused, where other parsers keep one of the values. NaN,
-/// Infinity and -Infinity, which Python writes and JSON does not have, are read as null.
-/// Throws IoError, InvalidInput.
+/// Reads a JSON file. NaN, Infinity and -Infinity, which Python writes and JSON lacks, are read as null.
+/// Throws IoError; InvalidInput, also if an object contains a key twice.
 nlohmann::json read_json(const std::filesystem::path& path);
+/// Reads a JSON text; `name` is its path in errors.
+nlohmann::json parse_json(const std::string& text, const std::filesystem::path& name);
 
-/// A value of a JSON file and where it stands, for messages: `shots["1.jpg"].rotation`. All throw InvalidInput where
-/// the value is not what is asked for. The file's name and the JSON outlive it.
+/// A value of a JSON file and its place, for messages: `shots["1.jpg"].rotation`. All throw InvalidInput if the value
+/// is of another kind. Path and JSON must outlive it.
 class JsonValue {
  public:
   JsonValue(const nlohmann::json& json, const std::filesystem::path& path, std::string where = "")
@@ -25,6 +26,7 @@ class JsonValue {
   const std::filesystem::path& path() const { return *path_; }
   [[noreturn]] void refuse(const std::string& expected) const;
 
+  bool is_null() const { return json_->is_null(); }
   bool is_text() const { return json_->is_string(); }
   bool has(const char* key) const { return json_->is_object() && json_->contains(key); }
   JsonValue at(const char* key) const;  ///< member of an object
@@ -60,4 +62,4 @@ class JsonValue {
   std::string where_;
 };
 
-}  // namespace pmsp::map_detail
+}  // namespace pmsp

@@ -3,11 +3,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <fstream>
 #include <system_error>
 
 #include "image_list.h"
@@ -171,21 +169,15 @@ SlamMap read_map(const std::filesystem::path& path, const ReadMapOptions& option
 namespace map_detail {
 
 MapFile::MapFile(const std::filesystem::path& path) : path_(path) {
-  std::error_code error;
-  const std::filesystem::file_status status = std::filesystem::status(path, error);
-  if (status.type() == std::filesystem::file_type::not_found) throw IoError(path.string() + ": there is no such file");
-  is_folder_ = status.type() == std::filesystem::file_type::directory;
+  constexpr std::uint64_t kHeadBytes = 4096;
+  std::error_code ignored;
+  const std::filesystem::file_type type = std::filesystem::status(path, ignored).type();
+  if (type == std::filesystem::file_type::not_found) throw IoError(path.string() + ": there is no such file");
+  is_folder_ = type == std::filesystem::file_type::directory;
   if (is_folder_) return;
-  // Opening a named pipe would block for ever, and readers need the file's length.
-  if (error || status.type() != std::filesystem::file_type::regular) {
-    throw IoError(path.string() + ": is not a regular file" + (error ? " (" + error.message() + ")" : ""));
-  }
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw IoError(path.string() + ": cannot be opened: " + std::strerror(errno));
-  head_.resize(4096);
-  file.read(head_.data(), static_cast<std::streamsize>(head_.size()));
-  if (file.bad()) throw IoError(path.string() + ": cannot be read: " + std::strerror(errno));
-  head_.resize(static_cast<std::size_t>(file.gcount()));
+  BinaryInput in(path);
+  const auto size = static_cast<std::size_t>(std::min<std::uint64_t>(in.size(), kHeadBytes));
+  head_.assign(in.take(size), size);
   if (starts_with(head_, "\xEF\xBB\xBF")) head_.erase(0, 3);
 }
 

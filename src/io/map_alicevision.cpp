@@ -4,16 +4,17 @@
 // column-major, and centre) and optionally structure with observations. All numbers are strings. Axes are those of
 // libpmsp; features have pixel centres at whole numbers, as in openMVG. The principal point is relative to the image
 // centre, before version 1.2.1 to the corner.
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <tuple>
 
 #include "map_file.h"
 #include "map_scene.h"
 #include "pmsp/camera.h"
+#include "util/number_from.h"
 
 namespace pmsp::map_detail {
 namespace {
@@ -29,11 +30,9 @@ bool matches(MapFile& file) {
 /// Number, or string of one; NaN allowed.
 double number_of(const JsonValue& value) {
   if (!value.is_text()) return value.number_or_nan();
-  const std::string& text = value.text();
-  double number = 0.0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc() || end != text.data() + text.size()) value.refuse("a number");
-  return number;
+  const std::optional<double> number = number_from<double>(value.text());
+  if (!number) value.refuse("a number");
+  return *number;
 }
 
 std::int64_t whole_number_of(const JsonValue& value) {

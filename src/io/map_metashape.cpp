@@ -4,8 +4,9 @@
 // of a camera is the 4 x 4 matrix chunk_from_camera with the axes of libpmsp; that of the component (in older files of
 // the chunk) is world_from_chunk: rotation, translation, scale. Spherical sensors have the forward direction at the
 // image centre and pixel centres at + 0.5 (user manual, appendix "Camera models"). The file contains no points.
-#include <algorithm>
+#include <cmath>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,7 +15,6 @@
 #include "export/files.h"
 #include "map_file.h"
 #include "map_scene.h"
-#include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
 #include "text_input.h"
 
@@ -35,21 +35,13 @@ std::vector<double> numbers(const pugi::xml_node& node, std::size_t count, const
                             const std::string& where, bool may_be_lost = false) {
   std::vector<double> values;
   const std::string text = node.child_value();
-  const char* at = text.data();
-  const char* const end = text.data() + text.size();
-  while (true) {
-    while (at != end && (*at == ' ' || *at == '\n' || *at == '\t' || *at == '\r' || *at == '+')) ++at;
-    if (at == end) break;
-    double value = 0.0;
-    const auto [next, error] = std::from_chars(at, end, value);
-    if (error != std::errc() || (!std::isfinite(value) && !may_be_lost) || values.size() == count) {
-      values.clear();
-      break;
-    }
-    values.push_back(value);
-    at = next;
+  bool are_numbers = true;
+  for (const std::string& word : words_of(text, " \n\t\r")) {
+    const std::optional<double> value = number_from<double>(word);
+    are_numbers = are_numbers && value && (may_be_lost || std::isfinite(*value));
+    values.push_back(value.value_or(0.0));
   }
-  if (values.size() != count) {
+  if (!are_numbers || values.size() != count) {
     fail(path, where,
          std::string(node.name()) + " is " + in_quotes(text) + ", expected " + std::to_string(count) +
              " finite numbers");
@@ -59,12 +51,11 @@ std::vector<double> numbers(const pugi::xml_node& node, std::size_t count, const
 
 std::int64_t whole_number(const pugi::xml_node& node, const char* attribute, const std::filesystem::path& path) {
   const std::string text = node.attribute(attribute).value();
-  std::int64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) {
+  const std::optional<std::int64_t> value = number_from<std::int64_t>(text);
+  if (!value) {
     fail(path, place(node), std::string(attribute) + " is " + in_quotes(text) + ", expected a whole number");
   }
-  return value;
+  return *value;
 }
 
 Eigen::Matrix3d matrix_of(const std::vector<double>& rows, Eigen::Index stride) {

@@ -3,10 +3,8 @@
 // OpenSfM's reconstruction.json: an array of reconstructions with cameras, shots and points; observations are in
 // tracks.csv beside it. Rotation (angle times axis) and translation of a shot are cam_from_world with the axes of
 // libpmsp. Image positions are normalised: (pixel index + 0.5 - size / 2) / larger size.
-#include <algorithm>
-#include <cmath>
-#include <limits>
 #include <map>
+#include <optional>
 #include <string>
 #include <unordered_map>
 
@@ -46,11 +44,9 @@ Eigen::Matrix3d rotation_of(const JsonValue& value) {
 class PointIds {
  public:
   std::int64_t of(const std::string& name) {
-    std::int64_t id = 0;
-    const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), id);
-    const bool plain = error == std::errc() && end == name.data() + name.size() && id >= 0 && id < kFirst &&
-                       (name.size() == 1 || name[0] != '0');
-    if (plain) return id;
+    const std::optional<std::int64_t> id = number_from<std::int64_t>(name);
+    const bool plain = id && *id >= 0 && *id < kFirst && (name.size() == 1 || (name[0] != '0' && name[0] != '+'));
+    if (plain) return *id;
     return others_.emplace(name, kFirst + static_cast<std::int64_t>(others_.size())).first->second;
   }
 

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <cstdio>
 #include <exception>
 #include <numeric>
 #include <utility>
@@ -149,27 +148,6 @@ void filter_observations(SlamMap& map) {
 }
 
 }  // namespace
-
-void fail(const std::filesystem::path& path, const std::string& where, const std::string& what) {
-  throw InvalidInput(path.string() + ": " + (where.empty() ? "" : where + ": ") + what);
-}
-
-std::string in_quotes(const std::string& text) {
-  constexpr std::size_t kLongest = 60;
-  std::string result = "\"";
-  for (std::size_t i = 0; i < text.size() && i < kLongest; ++i) {
-    const auto byte = static_cast<unsigned char>(text[i]);
-    const bool control = byte < 0x20U || byte == 0x7FU;
-    result += control ? '?' : text[i];
-  }
-  return result + (text.size() > kLongest ? "...\"" : "\"");
-}
-
-std::string shown(double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.10g", value);
-  return text;
-}
 
 std::string shown(const Eigen::Vector3d& p) {
   return "(" + shown(p.x()) + ", " + shown(p.y()) + ", " + shown(p.z()) + ")";

@@ -12,19 +12,13 @@
 
 #include <Eigen/Core>
 
+#include "binary_input.h"
 #include "pmsp/io/map.h"
 
 /// Common part of all map readers: checks of values, and conversion to SlamMap.
 namespace pmsp::map_detail {
 
-/// Throws InvalidInput: "PATH: WHERE: WHAT"; "PATH: WHAT" if `where` is empty.
-[[noreturn]] void fail(const std::filesystem::path& path, const std::string& where, const std::string& what);
-
-/// Quotes text of a file for a message: shortened, without control characters.
-std::string in_quotes(const std::string& text);
-
-/// Formats a number for messages.
-std::string shown(double value);
+using pmsp::shown;
 std::string shown(const Eigen::Vector3d& p);
 
 /// True within kMaxPosition of the origin; false for NaN.

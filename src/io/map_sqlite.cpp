@@ -25,32 +25,22 @@ namespace {
 /// Limit for hostile files: larger than any row of a map, images included; bounds SQLite's allocations.
 constexpr int kMaxRowBytes = 1 << 28;
 
-std::uint32_t big_endian32(const unsigned char* bytes) {
-  return (std::uint32_t{bytes[0]} << 24U) | (std::uint32_t{bytes[1]} << 16U) | (std::uint32_t{bytes[2]} << 8U) |
-         bytes[3];
-}
-
 /// Compares the file's length with its header: SQLite notices missing pages only on access, and descriptors, which are
 /// never read, may be among them.
 void check_length(const std::filesystem::path& path) {
-  unsigned char header[100] = {};
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw IoError(path.string() + ": cannot be opened: " + std::strerror(errno));
-  file.read(reinterpret_cast<char*>(header), sizeof header);
-  if (file.gcount() != sizeof header) {
-    fail(path, "",
-         "the file has " + std::to_string(file.gcount()) + " bytes, expected a SQLite header of 100: it is truncated");
+  constexpr std::size_t kHeaderBytes = 100;
+  BinaryInput in(path);
+  if (in.size() < kHeaderBytes) {
+    in.fail("the file has " + std::to_string(in.size()) + " bytes, expected a SQLite header of 100: it is truncated");
   }
-  const std::uint32_t field = (std::uint32_t{header[16]} << 8U) | header[17];
+  const char* const header = in.take(kHeaderBytes);
+  const auto field = get_big<std::uint16_t>(header + 16);
   const std::uint64_t page_bytes = field == 1 ? 65536 : field;
-  const std::uint64_t expected = page_bytes * big_endian32(header + 28);
-  const bool count_is_valid = big_endian32(header + 24) == big_endian32(header + 92);
-  file.seekg(0, std::ios::end);
-  const auto actual = static_cast<std::uint64_t>(file.tellg());
-  if (count_is_valid && actual < expected) {
-    fail(path, "",
-         "the file has " + std::to_string(actual) + " bytes, its header states " + std::to_string(expected) +
-             ": it is truncated; copy it again");
+  const std::uint64_t expected = page_bytes * get_big<std::uint32_t>(header + 28);
+  const bool count_is_valid = get_big<std::uint32_t>(header + 24) == get_big<std::uint32_t>(header + 92);
+  if (count_is_valid && in.size() < expected) {
+    in.fail("the file has " + std::to_string(in.size()) + " bytes, its header states " + std::to_string(expected) +
+            ": it is truncated; copy it again");
   }
 }
 

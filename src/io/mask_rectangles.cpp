@@ -3,12 +3,10 @@
 
 #include <cmath>
 #include <cstdlib>
-#include <fstream>
-#include <sstream>
 #include <string>
 
-#include "export/files.h"
 #include "pmsp/error.h"
+#include "text_input.h"
 
 namespace pmsp::io {
 namespace {
@@ -22,26 +20,15 @@ std::string expected() {
          "shares of the image, 0 to 1)";
 }
 
-std::string read_text(const std::filesystem::path& path) {
-  require_regular_file(path);
-  std::ifstream file(path, std::ios::binary);
-  std::string text(kMaxBytes + 1, '\0');
-  file.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(file.gcount()));
-  if (!file.is_open() || file.bad()) throw IoError(path.string() + ": cannot be read");
-  if (text.size() > kMaxBytes) throw InvalidInput(path.string() + ": larger than 1 MiB, expected a configuration");
-  if (text.compare(0, 3, "\xEF\xBB\xBF") == 0) text.erase(0, 3);  // byte order mark
-  return text;
-}
-
 /// Text from the key to the next one, without comments.
 std::string list_text(const std::filesystem::path& path) {
-  std::istringstream lines(read_text(path));
+  TextInput in(path);
+  if (in.size() > kMaxBytes) fail(path, "", "larger than 1 MiB, expected a configuration");
   std::string list;
   bool inside = false;
   bool found = false;
-  for (std::string line; std::getline(lines, line);) {
-    line = line.substr(0, line.find('#'));
+  while (in.next_line()) {
+    std::string line = in.line().substr(0, in.line().find('#'));
     const std::size_t colon = line.find(':');
     if (colon != std::string::npos) {
       std::string key = line.substr(0, colon);

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "io/plan_io.h"
 
-#include <cmath>
-
 #include <nlohmann/json.hpp>
 
+#include "binary_input.h"
 #include "export/files.h"
+#include "json_input.h"
 #include "pmsp/error.h"
 
 namespace pmsp {
@@ -29,82 +29,29 @@ Json to_json(const PlanEntry& entry) {
   return json;
 }
 
-/// Reads an entry; errors contain its name.
-class EntryReader {
- public:
-  EntryReader(const Json& json, std::string where) : json_(json), where_(std::move(where)) {
-    if (!json.is_object()) throw InvalidInput(where_ + " is " + shown(json) + "; expected an object");
-  }
-
-  PlanEntry read() const {
-    PlanEntry entry;
-    entry.id = id_of(at("id"), "id");
-    const Json& use = at("use");
-    if (!use.is_string()) refuse("use", use, "a string");
-    try {
-      entry.use = keyframe_use_from_name(use.get<std::string>());
-    } catch (const InvalidInput& error) {
-      throw InvalidInput(where_ + ": " + error.what());
-    }
-    entry.near = ids("near");
-    if (!at("first_planes").is_null()) entry.first_planes = id_of(at("first_planes"), "first_planes");
-    entry.range = range();
-    entry.consistency = ids("consistency");
-    entry.fusion = ids("fusion");
-    entry.viewers = ids("viewers");
-    entry.duplicate_views = ids("owners");
-    return entry;
-  }
-
- private:
-  static std::string shown(const Json& json) {
-    return json.dump(-1, ' ', true, Json::error_handler_t::replace).substr(0, 60);
-  }
-
-  [[noreturn]] void refuse(const char* key, const Json& value, const char* expected) const {
-    throw InvalidInput(where_ + ": " + key + " is " + shown(value) + "; expected " + expected);
-  }
-
-  const Json& at(const char* key) const {
-    const auto found = json_.find(key);
-    if (found == json_.end()) throw InvalidInput(where_ + " lacks " + key);
-    return *found;
-  }
-
-  std::int64_t id_of(const Json& value, const char* key) const {
-    const bool fits =
-        value.is_number_integer() &&
-        !(value.is_number_unsigned() && value.get<std::uint64_t>() > static_cast<std::uint64_t>(INT64_MAX));
-    if (!fits) refuse(key, value, "a keyframe id");
-    return value.get<std::int64_t>();
-  }
-
-  std::vector<std::int64_t> ids(const char* key) const {
-    const Json& list = at(key);
-    if (!list.is_array()) refuse(key, list, "a list of keyframe ids");
+PlanEntry entry_from(const JsonValue& json) {
+  const auto ids = [&](const char* key) {
     std::vector<std::int64_t> result;
-    for (const Json& value : list) result.push_back(id_of(value, key));
+    json.at(key).each_element([&](const JsonValue& id) { result.push_back(id.integer()); });
     return result;
-  }
-
-  DepthRange range() const {
-    const Json& list = at("range");
-    if (!list.is_array() || list.size() != 2 || !list[0].is_number() || !list[1].is_number()) {
-      refuse("range", list, "two depths");
-    }
-    return {list[0].get<double>(), list[1].get<double>()};
-  }
-
-  const Json& json_;
-  std::string where_;
-};
-
-Json parsed(const std::string& text, const std::string& where) {
+  };
+  PlanEntry entry;
+  entry.id = json.at("id").integer();
+  const JsonValue use = json.at("use"), first_planes = json.at("first_planes"), range = json.at("range");
   try {
-    return Json::parse(text);
-  } catch (const Json::parse_error& error) {
-    throw InvalidInput(where + ": is no JSON, byte " + std::to_string(error.byte));
+    entry.use = keyframe_use_from_name(use.text());
+  } catch (const InvalidInput& error) {
+    fail(use.path(), use.where(), error.what());
   }
+  entry.near = ids("near");
+  if (!first_planes.is_null()) entry.first_planes = first_planes.integer();
+  if (range.size() != 2) range.refuse("two depths");
+  entry.range = {range.element(0).number(), range.element(1).number()};
+  entry.consistency = ids("consistency");
+  entry.fusion = ids("fusion");
+  entry.viewers = ids("viewers");
+  entry.duplicate_views = ids("owners");
+  return entry;
 }
 
 }  // namespace
@@ -119,21 +66,15 @@ std::string plan_json(const Plan& plan) {
 }
 
 Plan plan_from_json(const std::string& text, const std::string& where) {
-  const Json json = parsed(text, where);
-  if (!json.is_object() || json.value("format", Json()) != Json(kFormat)) {
-    throw InvalidInput(where + ": is no plan; expected \"format\": \"" + kFormat + "\"");
+  const std::filesystem::path path(where);
+  const nlohmann::json json = parse_json(text, path);
+  const JsonValue root(json, path);
+  if (!root.has("format") || root.at("format").text() != kFormat) {
+    fail(path, "", std::string("is no plan; expected \"format\": \"") + kFormat + "\"");
   }
-  if (json.value("version", Json()) != Json(kVersion)) {
-    throw InvalidInput(where + ": version is " + json.value("version", Json()).dump().substr(0, 60) + "; expected " +
-                       std::to_string(kVersion));
-  }
-  const auto entries = json.find("entries");
-  if (entries == json.end() || !entries->is_array()) throw InvalidInput(where + ": lacks the list \"entries\"");
+  if (root.at("version").integer() != kVersion) root.at("version").refuse(std::to_string(kVersion));
   Plan plan;
-  plan.entries.reserve(entries->size());
-  for (const Json& entry : *entries) {
-    plan.entries.push_back(EntryReader(entry, where + ": entry " + std::to_string(plan.entries.size())).read());
-  }
+  root.at("entries").each_element([&](const JsonValue& entry) { plan.entries.push_back(entry_from(entry)); });
   return plan;
 }
 

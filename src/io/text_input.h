@@ -1,43 +1,49 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include <charconv>
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
+#include <optional>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <type_traits>
+#include <vector>
 
-#include "export/files.h"
-#include "map_scene.h"
+#include "binary_input.h"
+#include "util/number_from.h"
 
-namespace pmsp::map_detail {
+namespace pmsp {
 
-/// A text file line by line, and the words of a line. Throws IoError, and InvalidInput that names the line.
+/// Returns the words of a line; each of the characters `blanks` separates words.
+inline std::vector<std::string> words_of(std::string_view line, const char* blanks) {
+  std::vector<std::string> words;
+  for (std::size_t begin = line.find_first_not_of(blanks); begin != std::string_view::npos;) {
+    const std::size_t end = std::min(line.find_first_of(blanks, begin), line.size());
+    words.emplace_back(line.substr(begin, end - begin));
+    begin = line.find_first_not_of(blanks, end);
+  }
+  return words;
+}
+
+/// Text file, read line by line and word by word. Throws IoError; InvalidInput with the number of the line.
 class TextInput {
  public:
-  explicit TextInput(const std::filesystem::path& path, char separator = ' ') : path_(path), separator_(separator) {
-    require_regular_file(path);
-    file_.open(path, std::ios::binary);
-    if (!file_) throw IoError(path.string() + ": cannot be opened for reading");
-  }
+  explicit TextInput(const std::filesystem::path& path, char separator = ' ') : in_(path), separator_(separator) {}
 
-  /// The next line, whatever is in it; false at the end.
+  std::uint64_t size() const { return in_.size(); }
+
+  /// Reads the next line; false at the end of the file.
   bool next_line() {
-    if (!std::getline(file_, line_)) {
-      if (file_.bad()) throw IoError(path_.string() + ": cannot be read");
-      return false;
-    }
+    if (!in_.line(line_)) return false;
     ++number_;
-    if (number_ == 1 && line_.compare(0, 3, "\xEF\xBB\xBF") == 0) line_.erase(0, 3);  // a byte order mark
+    if (number_ == 1 && line_.compare(0, 3, "\xEF\xBB\xBF") == 0) line_.erase(0, 3);  // byte order mark
     while (!line_.empty() && (line_.back() == '\r' || line_.back() == ' ')) line_.pop_back();
     left_ = line_;
     return true;
   }
 
-  /// The next line with words in it that is no comment ("# ...").
+  /// Reads the next line with words that is no comment ("# ...").
   bool next() {
     while (next_line()) {
       skip_blanks();
@@ -45,6 +51,8 @@ class TextInput {
     }
     return false;
   }
+
+  const std::string& line() const { return line_; }  ///< without blanks at its end
 
   bool at_end() {
     skip_blanks();
@@ -60,7 +68,7 @@ class TextInput {
     return result;
   }
 
-  /// All that is left of the line.
+  /// Reads the rest of the line.
   std::string rest(const char* what) {
     if (at_end()) refuse(std::string(what) + " is missing");
     const std::string_view all = left_;
@@ -73,28 +81,25 @@ class TextInput {
     return number_where<T>(what, [](T value) { return std::isfinite(static_cast<double>(value)); });
   }
 
-  /// The same where programs write NaN for what they have lost.
+  /// Reads a number or NaN, which programs write for lost values.
   double number_or_nan(const char* what) {
     return number_where<double>(what, [](double /*value*/) { return true; });
   }
 
-  [[noreturn]] void refuse(const std::string& what) const { fail(path_, here(), what); }
+  [[noreturn]] void refuse(const std::string& what) const { fail(in_.path(), here(), what); }
   std::string here() const { return "line " + std::to_string(number_); }
   std::size_t number_of_line() const { return number_; }
-  const std::filesystem::path& path() const { return path_; }
 
  private:
   template <class T, class Accept>
   T number_where(const char* what, const Accept& accept) {
     const std::string_view text = word(what);
-    T value{};
-    const char* const begin = text.data() + (text.front() == '+' ? 1 : 0);
-    const auto [end, error] = std::from_chars(begin, text.data() + text.size(), value);
-    if (error != std::errc() || end != text.data() + text.size() || !accept(value)) {
+    const std::optional<T> value = number_from<T>(text);
+    if (!value || !accept(*value)) {
       refuse(std::string(what) + " is " + in_quotes(std::string(text)) + ", expected a " +
              (std::is_floating_point_v<T> ? "finite number" : "whole number"));
     }
-    return value;
+    return *value;
   }
 
   bool is_blank(char c) const { return separator_ == ' ' ? c == ' ' || c == '\t' || c == ',' : c == separator_; }
@@ -102,12 +107,11 @@ class TextInput {
     while (!left_.empty() && is_blank(left_.front())) left_.remove_prefix(1);
   }
 
-  std::filesystem::path path_;
+  BinaryInput in_;
   char separator_;
-  std::ifstream file_;
   std::string line_;
   std::string_view left_;
   std::size_t number_ = 0;
 };
 
-}  // namespace pmsp::map_detail
+}  // namespace pmsp

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -48,26 +47,10 @@ struct Style {
   bool has_whole_times = true;
 };
 
-std::vector<std::string> words_of(const std::string& line) {
-  std::vector<std::string> words;
-  for (std::size_t begin = line.find_first_not_of(kBlanks); begin != std::string::npos;) {
-    const std::size_t end = std::min(line.find_first_of(kBlanks, begin), line.size());
-    words.push_back(line.substr(begin, end - begin));
-    begin = line.find_first_not_of(kBlanks, end);
-  }
-  return words;
-}
-
-bool is_number(const std::string& word, double& value) {
-  const char* const begin = word.data() + (word.size() > 1 && word[0] == '+' ? 1 : 0);
-  const auto [end, error] = std::from_chars(begin, word.data() + word.size(), value);
-  return error == std::errc() && end == word.data() + word.size();
-}
-
 bool is_numbers(const std::vector<std::string>& words) {
-  double ignored = 0.0;
   return !words.empty() && words.size() <= kMostColumns &&
-         std::all_of(words.begin(), words.end(), [&](const std::string& word) { return is_number(word, ignored); });
+         std::all_of(words.begin(), words.end(),
+                     [](const std::string& word) { return number_from<double>(word).has_value(); });
 }
 
 bool ends_with(const std::string& text, const char* end) {
@@ -84,7 +67,7 @@ std::optional<Columns> columns_named(std::string line) {
   line.erase(std::remove(line.begin(), line.end(), '#'), line.end());
   std::transform(line.begin(), line.end(), line.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  const std::vector<std::string> names = words_of(line);
+  const std::vector<std::string> names = words_of(line, kBlanks);
   if (names.size() > kMostColumns) return std::nullopt;
   std::array<int, 3> position{-1, -1, -1};
   std::array<int, 4> rotation{-1, -1, -1, -1};
@@ -119,7 +102,7 @@ std::vector<Row> read_rows(const std::filesystem::path& path, Style& style) {
   while (in.next_line()) {
     if (in.at_end()) continue;
     const std::string line = in.rest("the pose");
-    const std::vector<std::string> words = words_of(line);
+    const std::vector<std::string> words = words_of(line, kBlanks);
     if (rows.empty() && (line[0] == '#' || !is_numbers(words))) {
       if (const std::optional<Columns> named = columns_named(line)) {
         style.named = named;
@@ -131,9 +114,9 @@ std::vector<Row> read_rows(const std::filesystem::path& path, Style& style) {
     row.line = in.number_of_line();
     if (words.size() > kMostColumns) in.refuse("has more than 64 columns, expected a pose");
     for (const std::string& word : words) {
-      double value = 0.0;
-      if (!is_number(word, value)) in.refuse(in_quotes(word) + " is no number, expected the numbers of a pose");
-      row.values.push_back(value);
+      const std::optional<double> value = number_from<double>(word);
+      if (!value) in.refuse(in_quotes(word) + " is no number, expected the numbers of a pose");
+      row.values.push_back(*value);
     }
     if (rows.empty()) {
       style.has_commas = line.find(',') != std::string::npos;
@@ -275,7 +258,7 @@ bool is_trajectory(const std::string& head) {
     const std::size_t end = std::min(head.find('\n', at), head.size());
     const std::string line = head.substr(at, end - at);
     at = end + 1;
-    const std::vector<std::string> words = words_of(line);
+    const std::vector<std::string> words = words_of(line, kBlanks);
     if (words.empty()) continue;
     const std::size_t count = words.size();
     const bool is_comment = words[0][0] == '#';
@@ -388,13 +371,13 @@ RigidTransform read_camera_from_body(const std::filesystem::path& path, std::str
     const std::size_t end = std::min(text.find_first_of(" \t\r\n,;[]", at), text.size());
     const std::string word = text.substr(at, end - at);
     at = end;
-    double value = 0.0;
     if (word == "-" && key != nullptr) continue;  // a row of YAML
-    if (!is_number(word, value)) {
+    const std::optional<double> value = number_from<double>(word);
+    if (!value) {
       if (key != nullptr && numbers.size() >= 12) break;  // the next key
       fail(path, "", in_quotes(word) + " is no number, expected a transform of 7, 12 or 16 numbers");
     }
-    numbers.push_back(value);
+    numbers.push_back(*value);
   }
   const Row row{numbers, 0};
   std::size_t ignored = 0;

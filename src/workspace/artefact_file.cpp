@@ -4,14 +4,13 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstring>
-#include <fstream>
 #include <string>
 #include <vector>
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
-#include "export/files.h"
+#include "io/binary_input.h"
 #include "pmsp/error.h"
 
 namespace pmsp::workspace {
@@ -21,6 +20,7 @@ constexpr char kPlanes[17] = "pmsp planes    1";
 constexpr char kPoints[17] = "pmsp points    1";
 constexpr char kImageRecord[17] = "pmsp look      1";
 constexpr std::size_t kKindBytes = 16;
+constexpr std::size_t kSumBytes = sizeof(std::uint64_t);
 
 /// Size of a point: position, normal, confidence, colour, number of views.
 constexpr std::size_t kPointBytes = 7 * sizeof(float) + 4;
@@ -101,32 +101,23 @@ class Writer {
 
 class Reader {
  public:
-  Reader(const std::filesystem::path& path, const char* kind) : path_(path) {
-    require_regular_file(path);
-    std::ifstream file(path, std::ios::binary | std::ios::ate);
-    if (!file) throw IoError(path.string() + ": cannot be opened for reading");
-    bytes_.resize(static_cast<std::size_t>(file.tellg()));
-    file.seekg(0);
-    file.read(bytes_.data(), static_cast<std::streamsize>(bytes_.size()));
-    if (!file) throw IoError(path.string() + ": cannot be read");
-    if (bytes_.size() < kKindBytes + sizeof(std::uint64_t)) refuse();
+  Reader(const std::filesystem::path& path, const char* kind) : in_(path) {
+    if (in_.size() < kKindBytes + kSumBytes) refuse();
+    const auto end = static_cast<std::size_t>(in_.size()) - kSumBytes;
+    const char* const bytes = in_.take(end + kSumBytes);
     std::uint64_t sum = 0;
-    end_ = bytes_.size() - sizeof(sum);
-    std::memcpy(&sum, bytes_.data() + end_, sizeof(sum));
-    if (XXH3_64bits(bytes_.data(), end_) != sum) refuse();
-    if (std::memcmp(bytes_.data(), kind, kKindBytes) != 0) refuse();
-    at_ = kKindBytes;
+    std::memcpy(&sum, bytes + end, kSumBytes);
+    if (XXH3_64bits(bytes, end) != sum || std::memcmp(bytes, kind, kKindBytes) != 0) refuse();
+    in_.seek(kKindBytes);
   }
   void get(void* data, std::size_t bytes) {
-    if (bytes > end_ - at_) refuse();
-    if (bytes > 0) std::memcpy(data, bytes_.data() + at_, bytes);
-    at_ += bytes;
+    if (bytes > left()) refuse();
+    if (bytes > 0) std::memcpy(data, in_.take(bytes), bytes);
   }
   std::vector<CloudPoint> points() {
     std::vector<CloudPoint> points(count(kPointBytes));
-    const char* from = bytes_.data() + at_;
+    const char* from = in_.take(points.size() * kPointBytes);
     for (CloudPoint& point : points) from = decode(from, point);
-    at_ += points.size() * kPointBytes;
     return points;
   }
   template <class T>
@@ -138,7 +129,7 @@ class Reader {
   /// Reads the size of a list of elements of `size` bytes.
   std::size_t count(std::size_t size) {
     const std::uint64_t number = get<std::uint64_t>();
-    if (number > (end_ - at_) / size) refuse();
+    if (number > left() / size) refuse();
     return static_cast<std::size_t>(number);
   }
   template <class T>
@@ -155,14 +146,13 @@ class Reader {
     return pose;
   }
   [[noreturn]] void refuse() const {
-    throw IoError(path_.string() + ": this file of the workspace is damaged; delete it and run again");
+    throw IoError(in_.path().string() + ": this file of the workspace is damaged; delete it and run again");
   }
 
  private:
-  std::filesystem::path path_;
-  std::vector<char> bytes_;
-  std::size_t at_ = 0;
-  std::size_t end_ = 0;
+  std::uint64_t left() const { return in_.remaining() - kSumBytes; }
+
+  BinaryInput in_;
 };
 
 }  // namespace

@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "workspace/fingerprint.h"
 
+#include <algorithm>
 #include <cstdio>
-#include <fstream>
-#include <vector>
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
-#include "export/files.h"
-#include "pmsp/error.h"
+#include "io/binary_input.h"
 
 namespace pmsp::workspace {
 
@@ -36,16 +34,13 @@ std::string Fingerprint::text() const {
 }
 
 std::string fingerprint_of_file(const std::filesystem::path& path) {
-  require_regular_file(path);
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw IoError(path.string() + ": cannot be opened for reading");
+  constexpr std::uint64_t kBlockBytes = std::uint64_t{1} << 20;
+  BinaryInput in(path);
   Fingerprint fingerprint;
-  std::vector<char> block(std::size_t{1} << 20);
-  while (file) {
-    file.read(block.data(), static_cast<std::streamsize>(block.size()));
-    fingerprint.add(block.data(), static_cast<std::size_t>(file.gcount()));
+  while (in.remaining() > 0) {
+    const auto bytes = static_cast<std::size_t>(std::min(in.remaining(), kBlockBytes));
+    fingerprint.add(in.take(bytes), bytes);
   }
-  if (file.bad()) throw IoError(path.string() + ": cannot be read");
   return fingerprint.text();
 }
 

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "workspace/record.h"
 
-#include <charconv>
 #include <cmath>
-#include <system_error>
 
 #include <nlohmann/json.hpp>
 
 #include "densifier_checks.h"
 #include "io/plan_io.h"
 #include "pmsp/error.h"
+#include "util/number_from.h"
 
 namespace pmsp::workspace {
 namespace {
@@ -44,9 +43,7 @@ KeyframePose pose_from(const Json& json) {
 }
 
 std::int64_t id_from(const std::string& text) {
-  std::int64_t id = 0;
-  const auto result = std::from_chars(text.data(), text.data() + text.size(), id);
-  if (result.ec == std::errc() && result.ptr == text.data() + text.size()) return id;
+  if (const auto id = number_from<std::int64_t>(text)) return *id;
   throw InvalidInput("\"" + text + "\" is no keyframe's id");
 }
 

@@ -183,7 +183,7 @@ TEST_CASE("the points of a dataset are read") {
   CHECK_THROWS_WITH(all_points(*open_cloud(dir / "d")), Contains("longer than the file"));
   put_little(text.data(), std::uint64_t{1} << 62);
   write_text(file, text);
-  CHECK_THROWS_WITH(open_cloud(dir / "d"), Contains("cut off"));
+  CHECK_THROWS_WITH(open_cloud(dir / "d"), Contains("truncated"));
 }
 
 TEST_CASE("a broken Potree folder is refused") {

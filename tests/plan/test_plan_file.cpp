@@ -44,19 +44,19 @@ TEST_CASE("a broken plan is refused with what is wrong", "[plan][io]") {
   };
   REQUIRE(plan_from_json(text(entry)).entries.size() == 1);
   const std::pair<std::string, const char*> broken[] = {
-      {"{", "no JSON"},
+      {"{", "truncated"},
       {"[]", "no plan"},
-      {R"({"format":"pmsp plan","version":2,"entries":[]})", "version is 2"},
+      {R"({"format":"pmsp plan","version":2,"entries":[]})", "version: is 2"},
       {R"({"format":"pmsp plan","version":1})", "entries"},
-      {text("7"), "entry 0"},
-      {text(entry + "," + entry.substr(0, 7) + "}"), "entry 1 lacks use"},
+      {text("7"), "entries[0]"},
+      {text(entry + "," + entry.substr(0, 7) + "}"), "entries[1]: lacks \"use\""},
       {replaced("\"depth map\"", "\"best\""), "'best'"},
-      {replaced("\"depth map\"", "5"), "use is 5"},
-      {replaced("[2]", "[2.5]"), "near is 2.5"},
-      {replaced("[2]", "[18446744073709551615]"), "near"},
-      {replaced("[2]", "2"), "near is 2"},
+      {replaced("\"depth map\"", "5"), "use: is 5"},
+      {replaced("[2]", "[2.5]"), "near[0]: is 2.5"},
+      {replaced("[2]", "[18446744073709551615]"), "near[0]"},
+      {replaced("[2]", "2"), "near: is 2"},
       {replaced("null", "\"x\""), "first_planes"},
-      {replaced("[1,2]", "[1]"), "range is [1]"},
+      {replaced("[1,2]", "[1]"), "range: is an array of 1"},
       {replaced("[1,2]", "[1,\"\xff\"]"), "JSON"},
   };
   for (const auto& [json, expected] : broken) {
