@@ -343,7 +343,7 @@ TEST_CASE("hostile files neither crash nor fill the memory") {
                               std::string(1000000, '\x91')),
                Contains("truncated"));
     CHECK_THAT(error_of_bytes(keyframe + "\xADundist_keypts\x91\x81\xA3" + "ang" + std::string(1000000, '\x91')),
-               Contains("nested"));
+               Contains("truncated"));
     CHECK_THAT(error_of_bytes(keyframe + "\xA6lm_ids" + std::string(1000000, '\x91')), Contains("whole number"));
   }
   SECTION("bytes that MessagePack does not know, keys that are no strings") {
