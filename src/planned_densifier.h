@@ -33,7 +33,7 @@ struct PlaneReuse {
   enum class Planes {
     kNone,
     kStart,   ///< initial planes of the passes, also read by other keyframes
-    kResult,  ///< result of this run: of an interrupted run of the same plan with the same shortcuts
+    kResult,  ///< result of this run: of an interrupted run of the same plan with the same reuses
   };
   Planes planes = Planes::kNone;
   /// Number of passes, at most `patchmatch.geometric_passes` + 1. kStart: the last ones, all geometric; 0 = the planes
@@ -78,7 +78,7 @@ class PMSP_API PlannedDensifier : public Densifier {
   /// are too many or too distant; depth maps without neighbours or depth range. Throws InvalidOption,
   /// BackendUnavailable; InvalidOption as `halo`, unless `ids` are all keyframes with a depth map.
   ///
-  /// `shortcuts`: throws InvalidInput for keyframes that the plan lacks, unsuitable numbers of passes, or a missing
+  /// `reuses`: throws InvalidInput for keyframes that the plan lacks, unsuitable numbers of passes, or a missing
   /// `load`. If loaded planes differ in size from the depth maps, `add`, `flush` and `run` throw InvalidInput.
   PlannedDensifier(const DensifierOptions& options, const Plan& plan, const std::vector<std::int64_t>& ids,
                    PlannedCallbacks callbacks, PlaneReuses reuses = {});

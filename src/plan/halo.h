@@ -47,7 +47,7 @@ class PMSP_IO_API PointsHalo {
 struct PassRange {
   int first, last;
 };
-/// `shortcut`: nullptr = none. `passes`: number of geometric passes.
+/// `reuse`: nullptr = none. `passes`: number of geometric passes.
 PassRange pass_range(const PlaneReuse* reuse, int passes);
 
 }  // namespace pmsp

@@ -20,7 +20,7 @@ namespace pmsp {
 /// place is the index of its entry.
 class PlanPart {
  public:
-  /// `options`: valid. Throws InvalidInput as check_plan does, if the plan lacks one of `ids`, or if shortcuts are
+  /// `options`: valid. Throws InvalidInput as check_plan does, if the plan lacks one of `ids`, or if reuses are
   /// unsuitable; InvalidOption if the chain of first planes is unlimited and `ids` are not all keyframes.
   PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, Wanted wanted,
            const std::map<std::int64_t, PlaneReuse>& reuses = {});

@@ -61,7 +61,7 @@ struct PMSP_API Step {
   /// Number of keyframes that lack passes after the step.
   int unfinished = 0;
 
-  /// Returns the shortcuts of the run, without results of an interrupted run of the step.
+  /// Returns the planes that the run reuses, without results of an interrupted run of the step.
   std::map<std::int64_t, PlaneReuse> reuses(int passes) const;
 };
 

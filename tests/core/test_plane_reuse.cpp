@@ -32,7 +32,7 @@ struct Outcome {
 
 using Ways = std::map<std::int64_t, PlaneReuse>;
 
-PlaneReuses shortcuts_of(const Ways& keyframes, const Maps& planes) {
+PlaneReuses reuses_of(const Ways& keyframes, const Maps& planes) {
   return {keyframes, [&planes](std::int64_t id) { return planes.at(id); }};
 }
 
@@ -76,7 +76,7 @@ bool same_planes(const PlaneMap& a, const PlaneMap& b) {
 
 }  // namespace
 
-TEST_CASE("an interrupted run resumes with its finished planes and gives the same result", "[densifier][shortcuts]") {
+TEST_CASE("an interrupted run resumes with its finished planes and gives the same result", "[densifier][reuse]") {
   std::mt19937 random(3);
   for (const SmallMission& mission : small_missions()) {
     INFO(mission.name);
@@ -98,7 +98,7 @@ TEST_CASE("an interrupted run resumes with its finished planes and gives the sam
         }
       }
       expected.raw.clear();
-      const Outcome rest = run_with(mission, plan, missing, shortcuts_of(ways, whole.planes));
+      const Outcome rest = run_with(mission, plan, missing, reuses_of(ways, whole.planes));
       CHECK(difference(rest.results, expected) == "");
       for (const auto& [id, planes] : rest.planes) {
         CHECK(ways.count(id) == 0);
@@ -108,7 +108,7 @@ TEST_CASE("an interrupted run resumes with its finished planes and gives the sam
   }
 }
 
-TEST_CASE("with all planes given nothing is matched and the points are the same", "[densifier][shortcuts]") {
+TEST_CASE("with all planes given nothing is matched and the points are the same", "[densifier][reuse]") {
   for (const SmallMission& mission : small_missions()) {
     INFO(mission.name);
     const Plan plan = plan_of(mission);
@@ -116,7 +116,7 @@ TEST_CASE("with all planes given nothing is matched and the points are the same"
     const Outcome whole = run_with(mission, plan, all, {});
     Ways kept;
     for (const std::int64_t id : all) kept[id] = kKept;
-    const Outcome again = run_with(mission, plan, all, shortcuts_of(kept, whole.planes));
+    const Outcome again = run_with(mission, plan, all, reuses_of(kept, whole.planes));
     CHECK(again.depth_maps == 0);
     CHECK(again.planes.empty());
     CHECK(difference(again.results, whole.results) == "");
@@ -145,7 +145,7 @@ TEST_CASE("planes are delivered for the requested keyframes without other effect
   }
 }
 
-TEST_CASE("requesting planes alone gives the same planes from fewer images", "[densifier][shortcuts]") {
+TEST_CASE("requesting planes alone gives the same planes from fewer images", "[densifier][reuse]") {
   for (const SmallMission& mission : small_missions()) {
     if (mission.options.advanced.init.warp_previous && mission.options.advanced.init.chain_keyframes == 0) continue;
     INFO(mission.name);
@@ -166,7 +166,7 @@ TEST_CASE("requesting planes alone gives the same planes from fewer images", "[d
   }
 }
 
-TEST_CASE("planes are kept or refined or computed again for any passes and task order", "[densifier][shortcuts]") {
+TEST_CASE("planes are kept or refined or computed again for any passes and task order", "[densifier][reuse]") {
   for (const SmallMission& mission : small_missions()) {
     const int passes = mission.options.advanced.patchmatch.geometric_passes;
     if (passes < 2) continue;
@@ -183,7 +183,7 @@ TEST_CASE("planes are kept or refined or computed again for any passes and task 
       ways[all[i]] = kinds[i % 6];
       kept += i % 6 == 0;
     }
-    const Outcome next = run_with(mission, plan, all, shortcuts_of(ways, whole.planes));
+    const Outcome next = run_with(mission, plan, all, reuses_of(ways, whole.planes));
     CHECK(next.planes.size() == all.size() - kept);
     CHECK(next.results.clouds.size() == all.size());
     for (std::uint32_t seed = 0; seed < (kSanitized ? 1 : 4); ++seed) {
@@ -221,11 +221,11 @@ TEST_CASE("planes are kept or refined or computed again for any passes and task 
     for (const auto& [id, way] : resumed) {
       if (way.planes == PlaneReuse::Planes::kResult) planes.at(id) = next.planes.at(id);
     }
-    CHECK(difference(run_with(mission, plan, missing, shortcuts_of(resumed, planes)).results, expected) == "");
+    CHECK(difference(run_with(mission, plan, missing, reuses_of(resumed, planes)).results, expected) == "");
   }
 }
 
-TEST_CASE("inconsistent reuse of planes is refused", "[densifier][shortcuts]") {
+TEST_CASE("inconsistent reuse of planes is refused", "[densifier][reuse]") {
   const SmallMission mission{"", small_preset(Quality::kOnline), small_flight(10)};
   const Plan plan = plan_of(mission);
   const Ids all = with_depth_map(plan);
