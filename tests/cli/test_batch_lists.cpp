@@ -8,7 +8,7 @@
 #include <catch2/catch.hpp>
 #include <nlohmann/json.hpp>
 
-#include "batch_run.h"
+#include "batch_mission.h"
 #include "cli/batch_missions.h"
 #include "report_page.h"
 #include "web/page.h"

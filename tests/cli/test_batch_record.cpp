@@ -7,7 +7,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "batch_run.h"
+#include "batch_mission.h"
 #include "cli/batch_missions.h"
 
 using namespace pmsp_test;

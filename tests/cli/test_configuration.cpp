@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
-#include "option_flags.h"
+#include "options.h"
 
 using namespace pmsp;
 using namespace pmsp_test;

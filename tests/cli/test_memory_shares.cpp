@@ -4,8 +4,8 @@
 
 #include <catch2/catch.hpp>
 
+#include "batch_jobs.h"
 #include "devices.h"
-#include "memory_shares.h"
 
 TEST_CASE("host memory is shared among missions and a single one gets all it needs", "[batch]") {
   pmsp::tool::MemoryNeed need;

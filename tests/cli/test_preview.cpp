@@ -5,8 +5,7 @@
 
 #include <catch2/catch.hpp>
 
-#include "cloud_view.h"
-#include "framing.h"
+#include "pictures.h"
 #include "preview.h"
 #include "support/temp_dir.h"
 

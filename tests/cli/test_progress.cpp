@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
-#include "run_progress.h"
+#include "progress.h"
 #include "stats.h"
 
 using namespace pmsp_test;

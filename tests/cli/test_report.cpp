@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
-#include "report_facts.h"
 #include "report_page.h"
 #include "web/page.h"
 

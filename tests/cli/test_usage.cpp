@@ -7,9 +7,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "budget.h"
 #include "cli/command.h"
 #include "cost.h"
+#include "estimates.h"
 #include "exit_code.h"
 #include "io/plan_io.h"
 

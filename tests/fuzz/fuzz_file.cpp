@@ -19,7 +19,7 @@
 #include "io/mask_rectangles.h"
 #include "io/plan_io.h"
 #include "pmsp-densify/batch/batch_manifest.h"
-#include "pmsp-densify/option_json.h"
+#include "pmsp-densify/options.h"
 #include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
 #include "pmsp/io/depth.h"

@@ -1,21 +1,23 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "arguments.h"
-#include "machine.h"
 
 #include <algorithm>
 #include <iostream>
+#include <sstream>
 #include <system_error>
 
 #include <CLI/CLI.hpp>
 
 #include "command_line.h"
 #include "exit_code.h"
-#include "help.h"
+#include "machine.h"
 #include "numbers.h"
+#include "options.h"
 #include "pmsp/io/map.h"
 #include "pmsp/stages.h"
-#include "report_arguments.h"
-#include "shard_arguments.h"
+#include "report.h"
+#include "shard.h"
+#include "web/http_server.h"
 
 namespace pmsp::tool {
 namespace {
@@ -31,6 +33,21 @@ void shorten_help(CLI::App& verb, bool all) {
     const bool of_library = std::find(stages.begin(), stages.end(), option->get_group()) != stages.end();
     if ((all || of_library) && !is_common(*option)) option->group("");
   }
+}
+
+DepthFormats depth_formats_from(const std::string& list) {
+  DepthFormats formats{false, false, false, false};
+  std::istringstream names(list);
+  std::string name;
+  bool is_good = !list.empty() && list.back() != ',';
+  while (is_good && std::getline(names, name, ',')) {
+    is_good = name == "pfm" || name == "exr" || name == "png";
+    formats.pfm = formats.pfm || name == "pfm";
+    formats.exr = formats.exr || name == "exr";
+    formats.png = formats.png || name == "png";
+  }
+  if (is_good) return formats;
+  throw UsageError("--depth-format is \"" + list + "\"; expected pfm, exr or png, separated by commas");
 }
 
 std::int64_t frame_offset_from(const std::string& text) {
@@ -209,6 +226,22 @@ void add_plan(CLI::App& app, Arguments& a) {
       ->group(group);
 }
 
+void add_live_options(CLI::App& run, LiveArguments& a) {
+  const char* group = "Output";
+  run.add_option_function<std::string>(
+         "--live-view", [&a](const std::string& text) { a.port = port_from("--live-view", text); },
+         "Port of a live page with the points computed so far, moved with a newer map (--follow); its address is "
+         "printed on stderr [1 to 65535; 0 = any free port]")
+      ->type_name("PORT")
+      ->group(group);
+  run.add_option(
+         "--live-address", a.address,
+         "Address of the page of --live-view; at an address that others can reach, anyone with its token can see it "
+         "[default 127.0.0.1]")
+      ->type_name("A")
+      ->group(group);
+}
+
 ProgressMode progress_mode(const std::string& name) {
   if (name == "auto") return ProgressMode::kAuto;
   if (name == "bar") return ProgressMode::kBar;
@@ -344,6 +377,13 @@ void check_fuse(Arguments& a) {
                      " missing: pmsp-densify fuse DIR MAP --images IMAGES; see fuse --help");
   }
   a.calibrate_lenses = a.find_rig = false;  // used for PatchMatch only
+}
+
+void check_live(const LiveArguments& a, bool is_shard) {
+  web::is_loopback(a.address);  // or it is none
+  if (!a.port) return;
+  require_report_page("--live-view");
+  if (is_shard) throw UsageError("a shard makes no cloud; leave --live-view out");
 }
 
 void check_run(const Arguments& a) {

@@ -9,10 +9,7 @@
 #include <vector>
 
 #include "cloud_arguments.h"
-#include "depth_output.h"
-#include "live_arguments.h"
-#include "option_flags.h"
-#include "report_page.h"
+#include "option_table.h"
 #include "workspace/shards.h"
 
 namespace pmsp::tool {
@@ -23,6 +20,26 @@ enum class ProgressMode { kAuto, kBar, kPlain, kJson, kNone };
 /// Values of --mask other than paths.
 constexpr const char* kMaskAuto = "auto";
 constexpr const char* kMaskNone = "none";
+
+/// File formats of depth, normals and confidence.
+struct DepthFormats {
+  bool pfm = true, exr = false, png = false;
+  bool depth_png = true;  ///< depth only
+};
+
+/// Page of a run, or of a cloud.
+struct ReportArguments {
+  std::filesystem::path path;  ///< empty = no report
+  std::int64_t points = 1'000'000;
+  int panoramas = 12;
+  std::string unit;  ///< name of the cloud's unit; "" = from the cloud
+};
+
+/// Live page of a run.
+struct LiveArguments {
+  std::optional<std::uint16_t> port;  ///< nullopt = no live page
+  std::string address = "127.0.0.1";
+};
 
 /// Parsed command line.
 struct Arguments {
@@ -94,16 +111,6 @@ const std::vector<RunOption>& run_options();
 
 /// Rewrites switches as values, so that the last one wins: --x to --x=true, --no-x to --x=false.
 void spell_out_switches(std::vector<std::string>& words);
-
-/// Returns the preset selected by flag or configuration file. Throws as effective_options.
-Quality quality_of(const Arguments& arguments);
-
-/// Returns the validated options: defaults, overridden by the preset, the configuration file and flags, in this order.
-/// Throws InvalidOption, IoError.
-DensifierOptions effective_options(const Arguments& arguments);
-
-/// Returns a warning if --quality has no effect, because configuration file and flags set all of its options; else "".
-std::string quality_warning(const Arguments& arguments);
 
 /// Returns "pmsp-densify 0.1.0".
 std::string version_text();

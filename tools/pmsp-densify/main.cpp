@@ -5,7 +5,7 @@
 #include <string>
 
 #include "exit_code.h"
-#include "map_input.h"
+#include "mission_input.h"
 #include "verbs.h"
 
 #if defined(__GLIBC__)

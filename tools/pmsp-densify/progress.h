@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <array>
 #include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -9,10 +11,28 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
+#include "pmsp/densifier.h"
 #include "pmsp/io/images.h"
-#include "run_progress.h"
 
 namespace pmsp::tool {
+
+/// Progress of a run.
+struct RunProgress {
+  double share = 0.0;           ///< of the expected work, 0 to 1
+  std::int64_t depth_maps = 0;  ///< matched
+  std::int64_t pixels = 0;      ///< with a depth, in these
+  std::int64_t points = 0;      ///< in the cloud so far; most presets hold them back
+};
+
+/// `keyframes`: expected total; future ones are assumed to be like previous ones.
+RunProgress run_progress_of(const DensifierStats& stats, std::size_t keyframes);
+
+/// Returns "1.2 M" for 1234567.
+std::string short_count(std::int64_t count);
+
+/// Returns "37 %, 1 min 05 s left; 8 depth maps, 6.1 M pixels, 210 k points", without zero counts. `seconds_left` < 0:
+/// unknown.
+std::string run_progress_text(const RunProgress& run_progress, double seconds_left);
 
 /// State of a run after a keyframe.
 struct ProgressStep {
@@ -79,5 +99,71 @@ std::string duration_text(double seconds);
 
 /// Returns "1 234 567".
 std::string count_text(std::int64_t count);
+
+inline double seconds_since(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// Activity of a run's main thread, or reason of its waiting; other threads are not accounted.
+enum class Busy {
+  kOther,
+  kMap,        ///< reading the map
+  kImages,     ///< finding the images of keyframes
+  kStart,      ///< creating a Densifier: threads, or CUDA context
+  kWait,       ///< for images being read and verified
+  kDensify,    ///< stages on the CPU, or waiting for a device
+  kPoints,     ///< encoding points, waiting for the writing thread
+  kDepthMaps,  ///< encoding and writing
+  kWorkspace,  ///< reading and writing a workspace, waiting for the disk
+  kPreview,    ///< drawing
+  kFinish,     ///< until all data are on disk
+};
+constexpr std::size_t kBusyKinds = static_cast<std::size_t>(Busy::kFinish) + 1;
+
+/// Time of a run by activity: each moment counts for the innermost open scope, so the sum is the total. For one thread.
+class TimeAccount {
+ public:
+  class Scope {
+   public:
+    Scope(TimeAccount& account, Busy with) : Scope(&account, with) {}
+    /// nullptr = no account.
+    Scope(TimeAccount* account, Busy with) : account_(account) {
+      if (account_ == nullptr) return;
+      before_ = account_->now_;
+      account_->turn_to(with);
+    }
+    ~Scope() {
+      if (account_ != nullptr) account_->turn_to(before_);
+    }
+    Scope(const Scope&) = delete;
+    Scope& operator=(const Scope&) = delete;
+
+   private:
+    TimeAccount* account_;
+    Busy before_ = Busy::kOther;
+  };
+
+  /// Seconds up to now.
+  double seconds(Busy with) const {
+    const double before = seconds_[static_cast<std::size_t>(with)];
+    return with == now_ ? before + seconds_since(since_) : before;
+  }
+
+  double total() const { return seconds_since(begin_); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  void turn_to(Busy with) {
+    seconds_[static_cast<std::size_t>(now_)] = seconds(now_);
+    since_ = Clock::now();
+    now_ = with;
+  }
+
+  std::array<double, kBusyKinds> seconds_{};
+  Busy now_ = Busy::kOther;
+  const Clock::time_point begin_ = Clock::now();
+  Clock::time_point since_ = begin_;
+};
 
 }  // namespace pmsp::tool

@@ -7,22 +7,18 @@
 #include <numeric>
 #include <system_error>
 
-#include <unistd.h>
-
 #include "batch_arguments.h"
-#include "batch_options.h"
-#include "batch_run.h"
-#include "batch_scan.h"
-#include "batch_slurm.h"
-#include "batch_tables.h"
-#include "child_process.h"
+#include "batch_jobs.h"
+#include "batch_manifest.h"
+#include "batch_mission.h"
 #include "devices.h"
 #include "exit_code.h"
 #include "export/files.h"
 #include "export/folder_lock.h"
-#include "memory_shares.h"
 #include "pmsp/stages.h"
+#include "process.h"
 #include "progress.h"
+#include "tool_files.h"
 #include "verbs.h"
 
 namespace pmsp::tool {
@@ -30,13 +26,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
-
-double seconds_since(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
-
-std::string host_name() {
-  char name[256] = {};
-  return gethostname(name, sizeof(name) - 1) == 0 ? name : "";
-}
 
 /// `now`: list and options of this call, recorded ones where omitted.
 struct Lists {
@@ -65,11 +54,6 @@ Lists lists_of(const BatchArguments& arguments) {
   return lists;
 }
 
-BatchMissions recorded(BatchMissions missions) {
-  for (BatchMission& mission : missions) look_at(mission);
-  return missions;
-}
-
 class Batch {
  public:
   explicit Batch(const BatchArguments& arguments)
@@ -82,11 +66,12 @@ class Batch {
     if (!arguments.manifest.empty()) {
       for (Mission& mission : lists_.now.missions) check_options(mission);
     }
-    all_ = missions_of(lists_.now.missions);
-    for (std::size_t i = 0; i < all_.size(); ++i) {
-      if (!arguments.only ||
-          static_cast<int>(i % static_cast<std::size_t>(arguments.only->count)) == arguments.only->index)
-        missions_.push_back(all_[i]);
+    const workspace::Shard share = arguments.only.value_or(workspace::Shard{});
+    for (const Mission& mission : lists_.now.missions) {
+      all_.push_back(mission_of(mission));
+      if (static_cast<int>((all_.size() - 1) % static_cast<std::size_t>(share.count)) == share.index) {
+        missions_.push_back(all_.back());
+      }
     }
     if (arguments.jobs > 1) cpus_ = Executor().threads();
     devices_ = devices();
@@ -94,7 +79,7 @@ class Batch {
 
   /// Reports the missions' recorded states. Read-only.
   int summarise() {
-    missions_ = recorded(all_);
+    missions_ = recorded();
     report();
     return exit_code();
   }
@@ -113,7 +98,7 @@ class Batch {
     to_do_ = to_check.size();
     const int stopped = work_through(to_check);
     report();
-    return stopped != 0 ? kExitSignal + stopped : exit_code();
+    return exit_code(stopped);
   }
 
   int run() {
@@ -137,7 +122,7 @@ class Batch {
       announce(0);
     }
     report();
-    return stopped != 0 ? kExitSignal + stopped : exit_code();
+    return exit_code(stopped);
   }
 
  private:
@@ -173,10 +158,11 @@ class Batch {
     result.options.insert(result.options.end(), mission.options.begin(), mission.options.end());
     return result;
   }
-  BatchMissions missions_of(const std::vector<Mission>& missions) const {
-    BatchMissions result;
-    for (const Mission& mission : missions) result.push_back(mission_of(mission));
-    return result;
+  /// All missions of the list with their recorded states.
+  BatchMissions recorded() const {
+    BatchMissions missions = all_;
+    for (BatchMission& mission : missions) look_at(mission);
+    return missions;
   }
 
   std::vector<std::string> words_of(const BatchMission& mission) const {
@@ -459,7 +445,7 @@ class Batch {
   /// processes must write the states of all.
   void write_tables() const {
     for (std::string written;;) {
-      const BatchMissions missions = recorded(all_);
+      const BatchMissions missions = recorded();
       const std::string csv = csv_text(missions);
       if (csv == written) return;
       write_if_changed(output_ / "missions.csv", csv);
@@ -480,7 +466,9 @@ class Batch {
     progress_.done(result);
   }
 
-  int exit_code() const {
+  /// `stopped`: signal that ended the batch; 0 = none.
+  int exit_code(int stopped = 0) const {
+    if (stopped != 0) return kExitSignal + stopped;
     if (count(missions_, kDone) == missions_.size()) return kExitOk;
     return count(missions_, kFailed) == missions_.size() ? kExitAllFailed : kExitSomeFailed;
   }

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include <nlohmann/json.hpp>
+
 namespace pmsp::tool {
 
 /// Line of a manifest.
@@ -41,8 +43,13 @@ void write_record(const std::filesystem::path& folder, const Manifest& manifest)
 /// Returns how a mission's line differs from the recorded one (see difference); "" = equal.
 std::string line_difference(const Mission& recorded, const Mission& given);
 
-/// Removes the extension and common trailing parts: "a/hall" for a/hall/map.msg, a/hall/sparse/0 and
-/// a/hall/reconstruction.json.
-std::filesystem::path title_of_map(const std::filesystem::path& map);
+/// Missions found in a folder tree, as manifest lines; rules: see `batch --help`.
+struct Scan {
+  std::vector<nlohmann::ordered_json> missions;
+  std::vector<std::filesystem::path> without_images;  ///< maps without images
+};
+
+/// Throws IoError.
+Scan scan_for_missions(const std::filesystem::path& folder);
 
 }  // namespace pmsp::tool

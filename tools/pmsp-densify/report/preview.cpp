@@ -11,12 +11,12 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "depth_picture.h"
 #include "export/files.h"
-#include "map_figures.h"
-#include "numbered_name.h"
+#include "numbers.h"
+#include "pictures.h"
 #include "pmsp/error.h"
 #include "progress.h"
+#include "tool_files.h"
 
 namespace pmsp::tool {
 namespace {

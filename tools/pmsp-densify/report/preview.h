@@ -12,8 +12,8 @@
 
 #include <opencv2/core.hpp>
 
-#include "cloud_view.h"
 #include "export/atomic_folder.h"
+#include "pictures.h"
 #include "pmsp/types.h"
 
 namespace pmsp::tool {

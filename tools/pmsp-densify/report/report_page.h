@@ -11,6 +11,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "arguments.h"
 #include "export/files.h"
 #include "export/page_cloud.h"
 #include "plan/plan.h"
@@ -21,22 +22,18 @@
 
 namespace pmsp::tool {
 
-struct ReportArguments {
-  std::filesystem::path path;  ///< empty = no report
-  std::int64_t points = 1'000'000;
-  int panoramas = 12;
-  std::string unit;  ///< name of the cloud's unit; "" = from the cloud
-};
+/// Returns the facts about a run for the page: pairs of name and value. `stats`: as written by --stats; values of wrong
+/// type count as missing.
+nlohmann::ordered_json report_facts(const nlohmann::ordered_json& stats);
 
-/// Returns the name of a cloud's unit: the given one, else "m" for clouds in metres; "" = map units.
-std::string unit_of_lengths(const std::string& given, const CloudUnit& unit);
+/// Returns pairs of activity and seconds.
+nlohmann::ordered_json report_times(const nlohmann::ordered_json& stats);
 
-/// Throws UsageError if `given`, the value of `option`, is a unit of length other than the cloud's. If that is unknown,
-/// all are accepted.
-void check_unit(const char* option, const std::string& given, const CloudUnit& unit);
+/// Returns problems that follow from the counts, in plain words.
+std::vector<std::string> report_problems(const nlohmann::ordered_json& stats);
 
-/// Returns "metres, by --scale", "map units (no scale is known)", "not known".
-std::string unit_text(const CloudUnit& unit);
+/// Returns "3", "3 and 4", "3 to 5 and 9": runs of adjacent ids in `order`.
+std::string list_of_keyframes(const std::vector<std::int64_t>& ids, const std::vector<std::int64_t>& order);
 
 /// Mission as one page for a browser: input, statistics and points. See docs/report.md. Memory: its points (15 bytes
 /// each) and JPEGs.

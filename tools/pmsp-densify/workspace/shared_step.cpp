@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "calibration.h"
-#include "image_input.h"
-#include "option_json.h"
+#include "mission_input.h"
+#include "options.h"
 #include "pmsp/error.h"
-#include "targets.h"
+#include "tool_files.h"
 
 namespace pmsp::tool {
 namespace {

@@ -2,17 +2,21 @@
 #include "workspace_step.h"
 
 #include <algorithm>
+#include <set>
+#include <sstream>
 #include <system_error>
 #include <utility>
 
+#include <opencv2/core.hpp>
+
 #include "calibration.h"
-#include "engine_text.h"
-#include "image_input.h"
 #include "io/prior_depths.h"
-#include "option_json.h"
+#include "mission_input.h"
+#include "options.h"
+#include "pmsp/densifier.h"
 #include "pmsp/error.h"
 #include "pmsp/io/map.h"
-#include "targets.h"
+#include "tool_files.h"
 #include "workspace/fingerprint.h"
 #include "workspace/loss.h"
 
@@ -21,6 +25,42 @@ namespace {
 
 using ScopedTimer = TimeAccount::Scope;
 using workspace::StepKeyframePlan;
+
+/// Version of a library from OpenCV's build information: "JPEG ver 62"; the name if missing.
+std::string library_text(const std::string& name) {
+  std::istringstream lines(cv::getBuildInformation());
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t at = line.find(name + ":");
+    if (at == std::string::npos || line.find_first_not_of(' ') != at) continue;
+    const std::size_t open = line.rfind('('), close = line.rfind(')');
+    if (open == std::string::npos || close == std::string::npos || close < open) break;
+    return name + " " + line.substr(open + 1, close - open - 1);
+  }
+  return name;
+}
+
+/// Device models without duplicates: "NVIDIA H200" for "CUDA device 0, NVIDIA H200; device 1, NVIDIA H200"; their
+/// number does not affect results.
+std::string kinds_of_devices(const std::string& backend) {
+  std::set<std::string> kinds;
+  std::istringstream devices(backend);
+  for (std::string device; std::getline(devices, device, ';');) kinds.insert(device.substr(device.find(',') + 2));
+  std::string text;
+  for (const std::string& kind : kinds) text += (text.empty() ? "" : "; ") + kind;
+  return text;
+}
+
+std::string decoder_text(const Arguments& arguments) {
+  return "OpenCV " + cv::getVersionString() + " with " + library_text(arguments.video.empty() ? "JPEG" : "avcodec");
+}
+
+/// Returns version, processor type and decoder: equal texts imply equal bytes for equal input. `options`: with
+/// effective backend and simd, described by `backend`. The GPU model identifies its architecture.
+std::string engine_text(const DensifierOptions& options, const std::string& backend, const Arguments& arguments) {
+  std::string processor = options.simd == Simd::kScalar ? "CPU, plain code" : "CPU, fused multiply-add";
+  if (options.backend == Backend::kCuda) processor = kinds_of_devices(backend);
+  return version_text() + ", " + processor + ", " + decoder_text(arguments);
+}
 
 /// Returns a file's content; throws IoError if it belongs to another keyframe.
 template <class T>
@@ -438,6 +478,38 @@ std::string WorkspaceStep::summary() const {
   if (*before == ',') text += ")";
   if (json["unfinished"] != 0) text += "; " + number("unfinished") + " lack passes until a later run";
   return text + "; points of " + number("points_kept") + " keyframes are kept";
+}
+
+bool PlanesPace::is_worth_keeping(const DensifierOptions& options) {
+  constexpr double kMostBytesPerSecond = 100e6;
+  constexpr double kPlaneBytes = 4 * sizeof(float);
+  if (!first_) {
+    first_ = Clock::now();
+    return false;
+  }
+  bytes_ += kPlaneBytes * options.width * options.height;
+  return bytes_ < kMostBytesPerSecond * seconds_since(*first_);
+}
+
+PlaneKeeper::PlaneKeeper(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
+                         const SlamMap& map, const RigMask& rig, const ImageSource& source, TimeAccount& time)
+    : workspace_(workspace),
+      arguments_(arguments),
+      options_(options),
+      map_(map),
+      rig_(rig),
+      source_(source),
+      time_(time) {}
+
+bool PlaneKeeper::wants_planes(const Densifier& densifier) { return pace_.is_worth_keeping(densifier.options()); }
+
+void PlaneKeeper::keep(const PlaneMap& planes, const Densifier& densifier) {
+  const ScopedTimer spent(time_, Busy::kWorkspace);
+  if (step_.empty()) {
+    WorkspaceStep step(workspace_, arguments_, options_, map_, rig_, false, nullptr);
+    step_ = step.begin_run(source_, densifier);
+  }
+  workspace_.save_planes(workspace::planes_name(planes.keyframe_id, step_), planes);
 }
 
 }  // namespace pmsp::tool

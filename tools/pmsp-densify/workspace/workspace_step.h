@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -14,16 +15,31 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
-#include "planes_pace.h"
 #include "planned_densifier.h"
 #include "pmsp/calibration.h"
+#include "pmsp/densifier.h"
 #include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
+#include "pmsp/options.h"
 #include "pmsp/stages.h"
-#include "time_account.h"
+#include "progress.h"
 #include "workspace/workspace.h"
 
 namespace pmsp::tool {
+
+/// Whether planes are worth storing for resumption: a GPU may produce them faster than a disk writes them, and again
+/// faster than they are read and verified.
+class PlanesPace {
+ public:
+  /// To be called for each keyframe before its planes are made. `options`: effective ones.
+  bool is_worth_keeping(const DensifierOptions& options);
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  std::optional<Clock::time_point> first_;  ///< time of the first planes, which give no rate
+  double bytes_ = 0.0;                      ///< size of planes since then
+};
 
 /// Returns a path relative to the workspace if possible, so that both can be moved together.
 std::string relative_text(const std::filesystem::path& path, const std::filesystem::path& folder);
@@ -129,6 +145,30 @@ class WorkspaceStep {
   PlanesPace pace_;
   TakeCloud take_cloud_;
   std::size_t next_ = 0;  ///< index of the next cloud's entry in the plan
+};
+
+/// For runs with --delete-workspace in an empty workspace: otherwise as without workspace, but planes are stored under
+/// the names that a WorkspaceStep expects, for resumption after a kill.
+class PlaneKeeper {
+ public:
+  /// All must outlive it. `options`: of the arguments.
+  PlaneKeeper(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
+              const SlamMap& map, const RigMask& rig, const ImageSource& source, TimeAccount& time);
+
+  /// For PlannedCallbacks. `densifier`: the caller.
+  bool wants_planes(const Densifier& densifier);
+  void keep(const PlaneMap& planes, const Densifier& densifier);
+
+ private:
+  workspace::Workspace& workspace_;
+  const Arguments& arguments_;
+  const DensifierOptions options_;
+  const SlamMap& map_;
+  const RigMask& rig_;
+  const ImageSource& source_;
+  TimeAccount& time_;
+  PlanesPace pace_;
+  std::string step_;  ///< name, set at the first planes
 };
 
 }  // namespace pmsp::tool

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "live_view.h"
+
+#include <algorithm>
+#include <iostream>
+#include <utility>
+
+#include "mission_input.h"
+#include "numbers.h"
+#include "web/http_server.h"
+#include "web/live_block.h"
+
+namespace pmsp::tool {
+namespace {
+
+constexpr std::size_t kMostPoints = 5'000'000;
+constexpr std::size_t kFewestPoints = 1'000;
+
+HttpOptions http_options(const LiveArguments& arguments) {
+  HttpOptions options;
+  options.address = arguments.address;
+  options.port = *arguments.port;
+  options.nice = 10;
+  return options;
+}
+
+bool are_same(const CloudPoint& a, const CloudPoint& b) {
+  return a.position == b.position && a.normal == b.normal && a.color.r == b.color.r && a.color.g == b.color.g &&
+         a.color.b == b.color.b && a.views == b.views && a.confidence == b.confidence;
+}
+
+}  // namespace
+
+LiveView::LiveView(const LiveArguments& arguments)
+    : server_(http_options(arguments),
+              {[this](LiveVersion since) { return map_.changes_since(since); }, [this] { return map_.snapshot(); }}) {
+  if (!web::is_loopback(arguments.address)) {
+    std::cerr << "pmsp-densify: warning: " << web::address_warning(arguments.address) << "\n";
+  }
+  std::cerr << "live view: " << server_.url() << std::endl;
+}
+
+void LiveView::begin(const SlamMap& map, LivePage page) {
+  named_.clear();
+  points_each_ =
+      std::clamp(kMostPoints / std::max<std::size_t>(map.keyframes.size(), 1), kFewestPoints, web::kMostLivePoints);
+  std::vector<LivePlace> flight;
+  for (const MapKeyframe* keyframe : in_time_order(map)) flight.push_back({keyframe->id, keyframe->cam_from_world});
+  server_.set_page(std::move(page), std::move(flight));
+}
+
+void LiveView::add(const KeyframeCloud& cloud) {
+  const std::int64_t id = cloud.keyframe_id;
+  named_.insert(id);
+  auto points = std::make_shared<const KeyframeCloud>(web::thinned(cloud, points_each_));
+  const std::shared_ptr<const LiveSnapshot> now = map_.snapshot();
+  const auto there = std::lower_bound(now->clouds.begin(), now->clouds.end(), id,
+                                      [](const LiveCloud& it, std::int64_t wanted) { return it.keyframe_id < wanted; });
+  if (there != now->clouds.end() && there->keyframe_id == id &&
+      std::equal(points->points.begin(), points->points.end(), there->cloud->points.begin(), there->cloud->points.end(),
+                 are_same)) {
+    map_.move({{id, cloud.pose(), 0}});
+  } else {
+    map_.publish({id, cloud.pose(), 0}, std::move(points), false);
+  }
+}
+
+void LiveView::end() {
+  std::vector<std::int64_t> gone;
+  for (const LiveCloud& cloud : map_.snapshot()->clouds) {
+    if (named_.count(cloud.keyframe_id) == 0) gone.push_back(cloud.keyframe_id);
+  }
+  map_.remove(gone);
+}
+
+}  // namespace pmsp::tool

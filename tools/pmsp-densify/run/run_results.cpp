@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "run_results.h"
+
+#include <future>
+
+#include "cloud_arguments.h"
+
+namespace pmsp::tool {
+
+RunResults::RunResults(const Setup& setup, TimeAccount& time)
+    : arguments_(setup.arguments), time_(time), live_(setup.live) {
+  CloudHeader header = cloud_header(arguments_, setup.options, setup.map, setup.frame);
+  header.export_views = setup.export_views;
+  header.threads = setup.threads;
+  output_ = std::make_unique<CloudOutput>(header, arguments_.cloud.amount, arguments_.cloud.targets());
+  const double lens_distance = setup.options.lens_distance;
+  const auto open = [&](std::optional<DepthMapFolder>& folder, const std::filesystem::path& path, const char* kind) {
+    if (path.empty()) return;
+    const double scale = png_depth_scale(setup.map, setup.options.advanced.init.range_margin);
+    folder.emplace(path, setup.map, arguments_.depth_formats,
+                   DepthMapFolder::About{kind, scale, lens_distance, setup.cloud});
+  };
+  open(filtered_, arguments_.depth_maps, "filtered");
+  open(raw_, arguments_.raw_depth_maps, "raw");
+  if (!arguments_.preview.empty()) preview_.emplace(arguments_.preview, setup.keyframes);
+  if (!arguments_.report.path.empty()) {
+    page_.emplace(arguments_.report, header, setup.map, setup.keyframes);
+    output_->also_to(page_->cloud());
+    for (const CloudOutput::Target& target : arguments_.cloud.targets()) {
+      if (target.format->name == std::string("potree")) page_->set_potree(target.path);
+    }
+  }
+}
+
+PlannedCallbacks RunResults::callbacks() {
+  PlannedCallbacks callbacks;
+  if (raw_) {
+    callbacks.raw_depth = [this](const DepthMap& map) {
+      const ScopedTimer spent(time_, Busy::kDepthMaps);
+      raw_->write(map);
+    };
+  }
+  if (filtered_ || preview_ || page_) {
+    callbacks.filtered_depth = [this](const DepthMap& map) {
+      const ScopedTimer spent(time_, Busy::kDepthMaps);
+      if (filtered_) filtered_->write(map);
+      const ScopedTimer drawing(time_, Busy::kPreview);
+      if (preview_) preview_->add_depth(map);
+      if (page_) page_->add_depth(map);
+    };
+  }
+  callbacks.cloud = [this](const KeyframeCloud& cloud) {
+    const ScopedTimer spent(time_, Busy::kPoints);
+    output_->add(cloud);
+    for (std::size_t i = 0; i < cloud.points.size(); i += 16, ++sampled_) confidence_sum_ += cloud.points[i].confidence;
+    const ScopedTimer drawing(time_, Busy::kPreview);
+    if (preview_) preview_->add_points(cloud);
+    if (live_ != nullptr) live_->add(cloud);
+  };
+  if (page_) callbacks.planned = [this](const PlanEntry& entry) { page_->set_use(entry); };
+  return callbacks;
+}
+
+void RunResults::add_image(std::size_t index, const Keyframe& keyframe, int width, int height) {
+  const ScopedTimer spent(time_, Busy::kPreview);
+  if (preview_) preview_->add_keyframe(index, keyframe.id, keyframe.cam_from_world, keyframe.image, width, height);
+  if (page_) page_->add_image(index, keyframe);
+}
+
+void RunResults::added(const Keyframe& keyframe, bool accepted) {
+  if (live_ != nullptr) live_->set_camera(keyframe.cam_from_world);
+  if (preview_ && !accepted) preview_->drop_keyframe(keyframe.id);
+  if (page_) page_->set_used(keyframe.id, accepted);
+}
+
+void RunResults::finish_depth_maps() {
+  if (raw_) raw_->write_index();
+  if (filtered_) filtered_->write_index();
+}
+
+void RunResults::commit_depth_maps() {
+  if (raw_) raw_->commit();
+  if (filtered_) filtered_->commit();
+}
+
+void RunResults::complete() {
+  const ScopedTimer spent(time_, Busy::kPoints);
+  output_->complete();
+}
+
+void RunResults::write(Progress& progress) {
+  std::future<std::string> drawn;  // drawn while pending data are written to disk
+  if (preview_) {
+    const auto draw = [this, points = output_->points_in()] { return preview_->finish(points); };
+    drawn = std::async(std::launch::async, draw);
+  }
+  progress.stage("writing " + arguments_.cloud.text());
+  {
+    const ScopedTimer spent(time_, Busy::kFinish);
+    output_->commit();
+  }
+  commit_depth_maps();
+  if (!preview_) return;
+  const ScopedTimer spent(time_, Busy::kPreview);
+  progress.stage("drawing " + arguments_.preview.string());
+  dropped_ = drawn.get();
+  preview_->commit();
+}
+
+void RunResults::write_page(Progress& progress, const nlohmann::ordered_json& stats) {
+  if (!page_) return;
+  const ScopedTimer spent(time_, Busy::kPreview);
+  progress.stage("writing " + arguments_.report.path.string());
+  page_->write(stats);
+}
+
+std::string RunResults::text() const {
+  std::string text = arguments_.cloud.text();
+  const auto add = [&text](const char* what, const std::filesystem::path& path) {
+    if (!path.empty()) text += std::string(", ") + what + " " + path.string();
+  };
+  add("report", arguments_.report.path);
+  add("pictures", arguments_.preview);
+  add("depth maps", arguments_.depth_maps);
+  add("raw depth maps", arguments_.raw_depth_maps);
+  add("statistics", arguments_.stats);
+  return text;
+}
+
+}  // namespace pmsp::tool

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "serve.h"
+
+#include <algorithm>
+#include <chrono>
+#include <iostream>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include <CLI/CLI.hpp>
+
+#include "command_line.h"
+#include "exit_code.h"
+#include "numbers.h"
+#include "pmsp/error.h"
+#include "process.h"
+#include "verbs.h"
+#include "web/web_path.h"
+
+namespace pmsp::tool {
+namespace {
+
+constexpr const char* kAbout =
+    "Serves a report and the files of its directory, such as a Potree cloud, over HTTP to browsers of this computer,\n"
+    "until Ctrl-C. The first line on stdout is the address to open. It contains a random token, without which nothing\n"
+    "is served.\n";
+
+constexpr const char* kMore =
+    "A directory shows its index.html, its only page, or a list of its pages. Symbolic links and names with a leading\n"
+    "dot are not served.\n"
+    "\n"
+    "Examples:\n"
+    "  pmsp-densify serve mission.html\n"
+    "  pmsp-densify serve results/ --port 8080";
+
+struct ServeArguments {
+  std::filesystem::path folder;
+  std::string page;  ///< file of "/"; "" = that of the folder, or a list
+  HttpOptions http;
+};
+
+/// Returns nullopt after printing help to stdout. Throws UsageError, InvalidOption, IoError.
+std::optional<ServeArguments> parse_serve_arguments(int argc, const char* const* argv) {
+  ServeArguments a;
+  std::filesystem::path what;
+  CLI::App app(kAbout, "pmsp-densify serve");
+  set_up_verb(app, kMore);
+  app.add_option("what", what, "Report or directory")->type_name("FILE|DIR");
+  app.add_option_function<std::string>(
+         "--port", [&a](const std::string& text) { a.http.port = port_from("--port", text); },
+         "Port to listen at [1 to 65535; default 0 = any free port]")
+      ->type_name("N");
+  app.add_option("--address", a.http.address,
+                 "Address to listen at; at an address that others can reach, anyone with the token can see the files "
+                 "[default 127.0.0.1]")
+      ->type_name("A");
+  if (!parse_words(app, {argv + 2, argv + argc})) return std::nullopt;
+  refuse_extra_words(app);
+  if (what.empty()) throw UsageError("file or directory is missing; expected pmsp-densify serve FILE|DIR");
+  std::error_code error;
+  const std::filesystem::path place = std::filesystem::absolute(what);
+  if (std::filesystem::is_directory(place, error)) {
+    a.folder = place;
+    return a;
+  }
+  if (!std::filesystem::exists(place, error)) throw IoError(what.string() + ": no such file or directory");
+  a.folder = place.parent_path();
+  a.page = place.filename().string();
+  return a;
+}
+
+constexpr std::size_t kMostPages = 1000;
+
+web::HttpReply file_reply(web::ServedFile file, const std::string& name, const std::string& range_header) {
+  if (!file.descriptor.is_open()) return web::not_found();
+  web::HttpReply reply;
+  reply.type = web::media_type(name);
+  reply.range = web::range_from(range_header, file.size);
+  if (reply.range) reply.status = reply.range->count > 0 ? 206 : 416;
+  reply.file = std::move(file);
+  return reply;
+}
+
+}  // namespace
+
+FolderHandler::FolderHandler(const std::filesystem::path& folder, std::string page)
+    : path_(folder), folder_(folder), page_(std::move(page)) {
+  if (page_.empty()) return;
+  if (!folder_.open({page_}).descriptor.is_open()) {
+    throw IoError((folder / page_).string() +
+                  ": cannot be served; expected an ordinary file, no link, whose name begins with no dot");
+  }
+}
+
+std::optional<web::HttpReply> FolderHandler::operator()(const web::HttpRequest& request) const {
+  if (request.path.size() == 1 && request.path.front().empty()) {
+    const std::string page = !page_.empty() ? page_ : "index.html";
+    web::ServedFile file = folder_.open({page});
+    if (file.descriptor.is_open()) return file_reply(std::move(file), page, request.range);
+    return front_page();
+  }
+  return file_reply(folder_.open(request.path), request.path.back(), request.range);
+}
+
+/// Of the folder and of those in it.
+std::vector<std::string> FolderHandler::pages() const {
+  std::vector<std::string> names;
+  std::error_code error;
+  const auto look = [&](const std::filesystem::path& folder, const std::string& prefix) {
+    std::vector<std::string> folders;
+    for (std::filesystem::directory_iterator it(folder, error), end; it != end && !error; it.increment(error)) {
+      const std::string name = it->path().filename().string();
+      if (name.empty() || name.front() == '.' || names.size() >= kMostPages) continue;
+      const auto kind = it->symlink_status(error).type();
+      if (kind == std::filesystem::file_type::directory) folders.push_back(name);
+      if (kind == std::filesystem::file_type::regular && it->path().extension() == ".html")
+        names.push_back(prefix + name);
+    }
+    return folders;
+  };
+  for (const std::string& folder : look(path_, "")) look(path_ / folder, folder + "/");
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+web::HttpReply FolderHandler::front_page() const {
+  const std::vector<std::string> names = pages();
+  if (names.size() == 1 && names.front().find('/') == std::string::npos) {
+    return file_reply(folder_.open(names), names.front(), "");
+  }
+  std::string html = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Pages</title><h1>Pages</h1>";
+  if (names.empty()) html += "<p>No page in this directory.</p>";
+  html += "<ul>";
+  for (const std::string& name : names)
+    html += "<li><a href=\"" + web::relative_address(name) + "\">" + web::html_text(name) + "</a></li>";
+  web::HttpReply reply;
+  reply.type = web::media_type("list.html");
+  reply.body = std::make_shared<const std::string>(html + "</ul></html>\n");
+  return reply;
+}
+
+int serve(int argc, const char* const* argv) {
+  const std::optional<ServeArguments> arguments = parse_serve_arguments(argc, argv);
+  if (!arguments) return kExitOk;
+  const FolderHandler files(arguments->folder, arguments->page);
+  const InterruptGuard guard(nullptr);
+  const web::HttpServer server(arguments->http, [&files](const web::HttpRequest& request) { return files(request); });
+  if (!web::is_loopback(arguments->http.address)) {
+    std::cerr << "pmsp-densify: warning: " << web::address_warning(arguments->http.address) << "\n";
+  }
+  std::cout << server.url() << std::endl;
+  if (!std::cout) throw OutputError("standard output cannot be written");
+  std::cerr << "serving " << (arguments->folder / arguments->page).string() << "; Ctrl-C ends it\n";
+  try {
+    for (;; std::this_thread::sleep_for(std::chrono::milliseconds(100))) guard.check();
+  } catch (const Interrupted&) {
+    return kExitOk;  // that is how it ends
+  }
+}
+
+}  // namespace pmsp::tool
