@@ -18,7 +18,6 @@
 
 #include "arguments.h"
 #include "batch_arguments.h"
-#include "depth_output.h"
 #include "export/files.h"
 #include "export/folder_lock.h"
 #include "options.h"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // `convert`: streams a cloud or workspace to other formats, another frame or unit, or a subset.
 #include <algorithm>
-#include <array>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -16,7 +15,6 @@
 #include "cloud_arguments.h"
 #include "command_line.h"
 #include "exit_code.h"
-#include "export/files.h"
 #include "mission_input.h"
 #include "numbers.h"
 #include "pmsp/io/cloud.h"

@@ -9,7 +9,6 @@
 
 #include "calibration.h"
 #include "cloud_arguments.h"
-#include "depth_output.h"
 #include "disk_space.h"
 #include "estimates.h"
 #include "exit_code.h"

@@ -7,7 +7,6 @@
 #include <memory>
 #include <system_error>
 #include <utility>
-#include <vector>
 
 #include <CLI/CLI.hpp>
 

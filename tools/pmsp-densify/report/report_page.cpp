@@ -2,15 +2,12 @@
 #include "report_page.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <utility>
 
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "elementary.h"
-#include "exit_code.h"
 #include "mission_input.h"
 #include "numbers.h"
 #include "pictures.h"

@@ -1,16 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "depth_output.h"
 
-#include <algorithm>
-#include <sstream>
 #include <utility>
 #include <vector>
 
 #include "arguments.h"
-#include "exit_code.h"
 #include "export/files.h"
-#include "numbers.h"
-#include "pmsp/error.h"
 #include "pmsp/io/depth.h"
 #include "tool_files.h"
 

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "mission_input.h"
-#include "numbers.h"
 #include "web/http_server.h"
 #include "web/live_block.h"
 

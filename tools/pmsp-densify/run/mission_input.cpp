@@ -2,7 +2,6 @@
 #include "mission_input.h"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <system_error>
 

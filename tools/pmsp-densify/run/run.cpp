@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
 #include <chrono>
 #include <exception>
-#include <functional>
 #include <future>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <system_error>
-#include <utility>
 #include <vector>
 
 #include "calibration.h"

@@ -5,12 +5,10 @@
 #include <chrono>
 #include <cstdlib>
 #include <exception>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <CLI/CLI.hpp>
@@ -30,7 +28,6 @@
 #include "process.h"
 #include "progress.h"
 #include "shared_step.h"
-#include "stats.h"
 #include "tool_files.h"
 #include "verbs.h"
 #include "workspace/fingerprint.h"
