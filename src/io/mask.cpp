@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include "elementary.h"
 #include "pmsp/io/images.h"
 
 #include <algorithm>
@@ -36,7 +37,6 @@ Span covered(int i, int n_source, int n_target) {
 constexpr int kLookedAt = 640;  ///< maximum number of columns and rows sampled
 constexpr std::size_t kCommonest = 8;
 constexpr double kMaxOthers = 0.1;
-constexpr double kPi = 3.14159265358979323846;
 
 using Colours = std::vector<std::pair<std::uint64_t, double>>;  ///< with shares, descending
 
@@ -205,7 +205,7 @@ double hidden_share(ImageView<const std::uint8_t> mask) {
   double hidden = 0.0;
   double all = 0.0;
   for (int y = 0; y < mask.height; ++y) {
-    const double weight = std::sin(kPi * (y + 0.5) / mask.height);
+    const double weight = std::sin(kernels::kPi * (y + 0.5) / mask.height);
     const auto ignored = std::count(mask.row(y), mask.row(y) + mask.width, std::uint8_t{0});
     hidden += weight * static_cast<double>(ignored) / mask.width;
     all += weight;

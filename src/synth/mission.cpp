@@ -7,14 +7,14 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
 #include "pmsp/camera.h"
 #include "synth/rng.h"
 
 namespace pmsp::synth {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kRadians = kPi / 180.0;
+constexpr double kRadians = kernels::kPi / 180.0;
 
 Eigen::Matrix3d turn_about_y(double angle) {
   return Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();

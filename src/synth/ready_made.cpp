@@ -7,6 +7,7 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
 #include "pmsp/error.h"
 #include "synth/mission.h"
 
@@ -37,7 +38,7 @@ class Textures {
 };
 
 Eigen::Matrix3d turned_by(double degrees, const Eigen::Vector3d& axis = Eigen::Vector3d::UnitY()) {
-  return Eigen::AngleAxisd(degrees * 3.14159265358979323846 / 180.0, axis).toRotationMatrix();
+  return Eigen::AngleAxisd(degrees * kernels::kPi / 180.0, axis).toRotationMatrix();
 }
 
 /// Returns a box on the floor of the room.

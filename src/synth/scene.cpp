@@ -6,6 +6,7 @@
 #include <limits>
 #include <utility>
 
+#include "elementary.h"
 #include "synth/rng.h"
 
 namespace pmsp::synth {
@@ -211,7 +212,7 @@ void Scene::set_sky(const Sky& sky) {
 }
 
 Eigen::Vector3d Scene::sky_color(const Eigen::Vector3d& ray) const {
-  if (ray.dot(sky_.sun) > std::cos(sky_.sun_radius_deg * 3.14159265358979323846 / 180.0)) {
+  if (ray.dot(sky_.sun) > std::cos(sky_.sun_radius_deg * kernels::kPi / 180.0)) {
     return Eigen::Vector3d::Constant(kSunBrightness);
   }
   const double height = std::clamp(-ray.y(), 0.0, 1.0);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "elementary.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
 #include "pmsp/stages.h"
@@ -104,7 +105,7 @@ double agreement(const Image<float>& a, const Image<float>& b, double relative) 
 }
 
 double normals_within(const DepthMap& map, const synth::Frame& frame, double degrees) {
-  const double limit = std::cos(degrees * std::acos(-1.0) / 180.0);
+  const double limit = std::cos(degrees * kernels::kPi / 180.0);
   std::size_t total = 0;
   std::size_t good = 0;
   for (std::size_t i = 0; i < map.depth.size(); ++i) {
@@ -154,7 +155,7 @@ double degrees_from_motion(const synth::Mission& mission, std::size_t reference,
       mission.frames[reference + 1].cam_from_world.center() - mission.frames[reference - 1].cam_from_world.center();
   const Eigen::Vector3d axis = (pose.rotation * along).normalized();
   const double cosine = std::abs(axis.dot(bearing_from_pixel({x + 0.5, y + 0.5}, mission.width, mission.height)));
-  return std::acos(std::min(cosine, 1.0)) * 180.0 / std::acos(-1.0);
+  return std::acos(std::min(cosine, 1.0)) * 180.0 / kernels::kPi;
 }
 
 std::vector<Simd> available_simd() {

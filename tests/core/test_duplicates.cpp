@@ -15,6 +15,7 @@
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
 #include "duplicates.h"
+#include "elementary.h"
 #include "pmsp/error.h"
 #include "pmsp/stages.h"
 #include "synth/rng.h"
@@ -26,7 +27,7 @@ using Eigen::Vector3d;
 namespace {
 
 constexpr int kWidth = 160;
-constexpr double kPixel = 2.0 * 3.14159265358979323846 / kWidth;  // [rad]
+constexpr double kPixel = 2.0 * kernels::kPi / kWidth;  // [rad]
 
 RigidTransform at(const Vector3d& center, double yaw_deg = 0.0) {
   const RigidTransform level{Eigen::Matrix3d::Identity(), -center};

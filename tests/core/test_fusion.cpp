@@ -9,6 +9,7 @@
 #include "confidence.h"
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
+#include "elementary.h"
 #include "pmsp/error.h"
 #include "pmsp/stages.h"
 #include "synth/rng.h"
@@ -151,7 +152,7 @@ TEST_CASE("surfaces whose normals differ by more than 60 degrees are not average
   /// through the same points.
   const auto share = [](double turned_deg, int views) {
     Fusion fusion(sphere());
-    const float cosine = static_cast<float>(std::cos(turned_deg * 3.14159265358979 / 180.0));
+    const float cosine = static_cast<float>(std::cos(turned_deg * kernels::kPi / 180.0));
     const float sine = std::sqrt(1.0F - cosine * cosine);
     for (std::size_t k = 1; k < 3; ++k) {
       for (int y = 0; y < kWidth / 2; ++y) {

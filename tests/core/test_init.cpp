@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 
 #include "core/on_depth_maps.h"
+#include "elementary.h"
 #include "pmsp/camera.h"
 #include "pmsp/stages.h"
 #include "synth/rng.h"
@@ -18,7 +19,6 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kWidth = 160;
 constexpr int kHeight = 80;
 
@@ -112,7 +112,7 @@ TEST_CASE("a landmark spreads over a disc of the given radius", "[init]") {
   for (const double radius : {1.0, 6.0, 12.0}) {
     INFO(radius);
     const PlaneImage planes = landmark_planes(observing({point}), kWidth, kHeight, with_radius(radius));
-    CHECK(count_planes(planes) == Approx(kPi * radius * radius).epsilon(0.1).margin(1.5));
+    CHECK(count_planes(planes) == Approx(kernels::kPi * radius * radius).epsilon(0.1).margin(1.5));
   }
   const PlaneImage planes = landmark_planes(observing({point}), kWidth, kHeight, with_radius(6.0));
   CHECK(range_at(planes, 85, 40) > 0.0);
@@ -145,7 +145,7 @@ TEST_CASE("a landmark near a pole covers more columns", "[init]") {
 
 TEST_CASE("the nearest of many landmarks wins, anywhere on the sphere", "[init]") {
   constexpr double kRadius = 6.0;
-  constexpr double kPixel = 2.0 * kPi / kWidth;
+  constexpr double kPixel = 2.0 * kernels::kPi / kWidth;
   std::vector<Vector3d> points;
   for (std::uint64_t i = 0; i < 150; ++i) {
     const Vector3d direction(synth::gaussian(1, 3 * i), synth::gaussian(1, 3 * i + 1), synth::gaussian(1, 3 * i + 2));

@@ -4,6 +4,7 @@
 #include <catch2/catch.hpp>
 
 #include "core/helpers.h"
+#include "elementary.h"
 #include "pmsp/error.h"
 #include "pmsp/stages.h"
 
@@ -78,7 +79,7 @@ TEST_CASE("normals are estimated from depths alone and edges are not smoothed", 
       const Eigen::Vector3f& normal = normals(x, y);
       unit += std::abs(normal.norm() - 1.0F) < 1e-5F;
       facing += normal.cast<double>().dot(bearing_of(depth, x, y)) < -0.16;
-      right += normal.dot(truth.normal(x, y)) > std::cos(5.0F * 3.14159F / 180.0F);
+      right += normal.dot(truth.normal(x, y)) > std::cos(5.0F * static_cast<float>(kernels::kPi) / 180.0F);
     }
   }
   const std::size_t pixels = depth.size();

@@ -10,6 +10,7 @@
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
 #include "core/recording.h"
+#include "elementary.h"
 #include "pmsp/error.h"
 #include "pmsp/stages.h"
 #include "synth/rng.h"
@@ -92,7 +93,7 @@ double latitude_of(const synth::Frame& frame, int y) { return 90.0 - 180.0 * (y 
 /// Angle from a direction in the camera [deg].
 double degrees_from(const synth::Frame& frame, int x, int y, const Eigen::Vector3d& direction) {
   const double cosine = direction.normalized().dot(bearing_of(frame.depth, x, y));
-  return std::acos(std::clamp(cosine, -1.0, 1.0)) * 180.0 / std::acos(-1.0);
+  return std::acos(std::clamp(cosine, -1.0, 1.0)) * 180.0 / kernels::kPi;
 }
 
 synth::Frame frame_of(const synth::Mission& mission) { return mission.frames[0]; }

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/recording.h"
+#include "elementary.h"
 #include "pmsp/calibration.h"
 
 using namespace pmsp;
@@ -37,7 +38,7 @@ struct Hidden {
 Hidden hidden_by(const RigMask& rig, const Image<std::uint8_t>& label) {
   Hidden hidden, all;
   for (int y = 0; y < label.height(); ++y) {
-    const double weight = std::cos((0.5 - (y + 0.5) / label.height()) * 3.14159265358979);
+    const double weight = std::cos((0.5 - (y + 0.5) / label.height()) * kernels::kPi);
     for (int x = 0; x < label.width(); ++x) {
       const bool is_rider = label(x, y) == static_cast<std::uint8_t>(synth::Label::kRider);
       const bool is_hidden =

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/helpers.h"
+#include "elementary.h"
 #include "pmsp/error.h"
 #include "pmsp/stages.h"
 #include "view_filter/sharpness.h"
@@ -17,7 +18,7 @@ using Eigen::Vector3d;
 
 namespace {
 
-constexpr double kRadians = 3.14159265358979323846 / 180.0;
+constexpr double kRadians = kernels::kPi / 180.0;
 
 /// Seen from (-1, 0, 0) and (1, 0, 0) under `parallax_deg`.
 Landmark landmark(std::int64_t id, double parallax_deg) {

@@ -9,6 +9,7 @@
 
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
+#include "elementary.h"
 #include "pmsp/camera.h"
 #include "pmsp/stages.h"
 
@@ -19,8 +20,7 @@ using Eigen::Vector3d;
 namespace {
 
 RigidTransform rolled(const RigidTransform& cam_from_world, double degrees, const Vector3d& axis) {
-  const Eigen::Matrix3d turn =
-      Eigen::AngleAxisd(degrees * 3.14159265358979323846 / 180.0, axis.normalized()).toRotationMatrix();
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(degrees * kernels::kPi / 180.0, axis.normalized()).toRotationMatrix();
   return RigidTransform{turn, Vector3d::Zero()} * cam_from_world;
 }
 

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "core/helpers.h"
+#include "elementary.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
 #include "pmsp/stages.h"
@@ -96,7 +97,7 @@ TEST_CASE("the weighted median covers the same angle near a pole as at the equat
   const Scene scene{60, 4};
   PlaneMap grown = scene.planes(0);
   for (int y = 4; y < 28; ++y) {
-    const double cos_lat = std::sin((y + 0.5) / kHeight * 3.14159265358979);
+    const double cos_lat = std::sin((y + 0.5) / kHeight * kernels::kPi);
     const int columns = static_cast<int>(std::lround(2.0 / cos_lat));
     for (int i = 1; i <= columns; ++i) {
       Scene::set(grown, 60 - i, y, kPlate);

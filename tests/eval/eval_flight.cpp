@@ -8,15 +8,12 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
 #include "pmsp/camera.h"
 #include "pmsp/io/depth.h"
 
 namespace pmsp_test {
-namespace {
-
-constexpr double kPi = 3.14159265358979323846;
-
-}  // namespace
+namespace {}  // namespace
 
 Shape box(const Eigen::Vector3d& half_size) {
   return [half_size](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
@@ -100,12 +97,13 @@ void Flight::write_truth(const std::filesystem::path& folder, int height) const 
 
 std::vector<Eigen::Vector3d> sphere_points(double radius, double spacing) {
   std::vector<Eigen::Vector3d> points;
-  const int rings = static_cast<int>(std::ceil(kPi * radius / spacing));
+  const int rings = static_cast<int>(std::ceil(pmsp::kernels::kPi * radius / spacing));
   for (int i = 0; i < rings; ++i) {
-    const double polar = (i + 0.5) * kPi / rings;
-    const int count = std::max(1, static_cast<int>(std::ceil(2.0 * kPi * radius * std::sin(polar) / spacing)));
+    const double polar = (i + 0.5) * pmsp::kernels::kPi / rings;
+    const int count =
+        std::max(1, static_cast<int>(std::ceil(2.0 * pmsp::kernels::kPi * radius * std::sin(polar) / spacing)));
     for (int j = 0; j < count; ++j) {
-      const double angle = 2.0 * kPi * j / count;
+      const double angle = 2.0 * pmsp::kernels::kPi * j / count;
       points.push_back(radius * Eigen::Vector3d(std::sin(polar) * std::cos(angle), std::cos(polar),
                                                 std::sin(polar) * std::sin(angle)));
     }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
 #include "eval/eval_flight.h"
 #include "export/fit_similarity.h"
 #include "pmsp-eval/alignment.h"
@@ -74,7 +75,7 @@ TEST_CASE("residuals are the position and rotation errors of the poses") {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.01, Eigen::Vector3d::UnitY()).toRotationMatrix();
   for (auto& keyframe : keyframes) keyframe.world_from_cam.rotation = keyframe.world_from_cam.rotation * turn;
   const Alignment a = align(keyframes, f.truth());
-  CHECK(a.rotation_median_deg == Approx(0.01 * 180.0 / 3.14159265358979).epsilon(1e-6));
+  CHECK(a.rotation_median_deg == Approx(0.01 * 180.0 / pmsp::kernels::kPi).epsilon(1e-6));
   CHECK(a.position_rmse_m < 1e-9);
 }
 

@@ -6,6 +6,7 @@
 #include <limits>
 #include <random>
 
+#include "elementary.h"
 #include "eval/eval_flight.h"
 #include "pmsp-eval/calibration.h"
 #include "pmsp-eval/calibration_plot.h"
@@ -128,7 +129,7 @@ TEST_CASE("errors near the poles count by their solid angle") {
   const Calibration c = calibrate(samples);
   CHECK(c.plain.confident_half.within == Approx(7.0 / 9.0));
   CHECK(c.plain.confident_half.error_p90 == Approx(0.1));
-  CHECK(c.solid_angle.confident_half.within == Approx(std::sin(70.0 / 180.0 * 3.14159265358979)).epsilon(1e-4));
+  CHECK(c.solid_angle.confident_half.within == Approx(std::sin(70.0 / 180.0 * pmsp::kernels::kPi)).epsilon(1e-4));
   CHECK(c.solid_angle.confident_half.error_p90 == Approx(0.01));
 }
 

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "elementary.h"
 #include "eval/eval_flight.h"
 #include "pmsp-eval/cloud_measures.h"
 #include "pmsp-eval/ground_truth.h"
@@ -159,7 +160,7 @@ TEST_CASE("a hole at the pole counts by its solid angle") {
   // (1 - sin 60) / 2 of the sphere.
   auto points = pmsp_test::sphere_points(4.0, 0.01);
   points.erase(std::remove_if(points.begin(), points.end(),
-                              [](const auto& p) { return p.y() < -4.0 * std::sin(60.0 / 180.0 * 3.14159265358979); }),
+                              [](const auto& p) { return p.y() < -4.0 * std::sin(60.0 / 180.0 * pmsp::kernels::kPi); }),
                points.end());
   std::vector<Eigen::Vector3f> cloud;
   for (const auto& p : points) cloud.push_back(p.cast<float>());
@@ -210,7 +211,7 @@ TEST_CASE("true surface samples lie on the surface and are weighted by the obser
   }
   // Every second of 240 columns and every second of 120 rows, in three maps.
   double expected = 0.0;
-  for (int y = 0; y < 120; y += 2) expected += 3 * 120 * std::sin((y + 0.5) / 120 * 3.14159265358979);
+  for (int y = 0; y < 120; y += 2) expected += 3 * 120 * std::sin((y + 0.5) / 120 * pmsp::kernels::kPi);
   CHECK(weight == Approx(expected).epsilon(1e-4));
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "elementary.h"
 #include "pmsp-eval/depth_measures.h"
 #include "pmsp-eval/image_compare.h"
 #include "pmsp/error.h"
@@ -66,7 +67,7 @@ TEST_CASE("a hole at the pole counts by its solid angle in depth maps") {
   const DepthMeasures m = measure_depth(depth, Image<float>(360, 180, 2.0F));
   CHECK(m.valid == Approx(5.0 / 6.0));
   CHECK(m.within[0].share == Approx(5.0 / 6.0));
-  CHECK(m.valid_solid_angle == Approx((1.0 + std::sin(60.0 / 180.0 * 3.14159265358979)) / 2.0).epsilon(1e-4));
+  CHECK(m.valid_solid_angle == Approx((1.0 + std::sin(60.0 / 180.0 * pmsp::kernels::kPi)) / 2.0).epsilon(1e-4));
   CHECK(m.within[0].share_solid_angle == Approx(m.valid_solid_angle));
 }
 

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
 #include "export/cloud_frame.h"
 #include "pmsp/error.h"
 #include "support/temp_dir.h"
@@ -258,7 +259,7 @@ TEST_CASE("up is the consensus of the cameras' up vectors") {
   CHECK((tilted.file_from_map.rotation * Eigen::Vector3d(0, -1, 0) - Eigen::Vector3d::UnitZ()).norm() < 0.1);
   for (std::size_t i = 0; i < map.keyframes.size(); ++i) {  // up and down in turns
     map.keyframes[i].cam_from_world.rotation =
-        Eigen::AngleAxisd(3.14159 * static_cast<double>(i), Eigen::Vector3d::UnitX()).toRotationMatrix();
+        Eigen::AngleAxisd(kernels::kPi * static_cast<double>(i), Eigen::Vector3d::UnitX()).toRotationMatrix();
   }
   CHECK_THROWS_WITH(find_cloud_frame(options, map), Contains("no direction in common"));
 }

@@ -10,6 +10,7 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
 #include "export/sample_points.h"
 #include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
@@ -21,8 +22,6 @@ using namespace pmsp_test;
 namespace fs = std::filesystem;
 
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// Keyframes of sample_points(): keyframe i is at i % 5 places.
 std::vector<OutputView> sample_views() {
@@ -220,8 +219,8 @@ TEST_CASE("a COLMAP model has consistent cameras and images and points and track
       wrong += same != id;
       // COLMAP's EquirectangularCameraModel: theta = 2 pi (x / w - 1/2), phi = pi (1/2 - y / h)
       const Model::Camera& camera = model.cameras.at(image.camera);
-      const double theta = 2.0 * kPi * (pixel.x() / static_cast<double>(camera.width) - 0.5);
-      const double phi = kPi * (0.5 - pixel.y() / static_cast<double>(camera.height));
+      const double theta = 2.0 * kernels::kPi * (pixel.x() / static_cast<double>(camera.width) - 0.5);
+      const double phi = kernels::kPi * (0.5 - pixel.y() / static_cast<double>(camera.height));
       const Eigen::Vector3d ray(std::cos(phi) * std::sin(theta), -std::sin(phi), std::cos(phi) * std::cos(theta));
       wrong += (ray - (image.rotation * point.position + image.translation).normalized()).norm() > 1e-9;
       ++sightings;
@@ -249,12 +248,12 @@ TEST_CASE("rays of a nerfstudio dataset meet the points at their pixels") {
     CHECK(frame["mask_path"] == "masks/" + view.name + ".png");
     CHECK(frame["w"] == view.width);
     const Eigen::Vector3d p = view.cam_from_file * cloud.positions[i];
-    const double x = (std::atan2(p.x(), p.z()) / (2.0 * kPi) + 0.5) * view.width;
-    const double y = (0.5 + std::asin(p.y() / p.norm()) / kPi) * view.height;
+    const double x = (std::atan2(p.x(), p.z()) / (2.0 * kernels::kPi) + 0.5) * view.width;
+    const double y = (0.5 + std::asin(p.y() / p.norm()) / kernels::kPi) * view.height;
     // nerfstudio's Cameras: the camera looks along -z, y is up
     const double across = (x - frame["cx"].get<double>()) / frame["fl_x"].get<double>();
     const double upwards = -(y - frame["cy"].get<double>()) / frame["fl_y"].get<double>();
-    const double theta = -kPi * across, phi = kPi * (0.5 - upwards);
+    const double theta = -kernels::kPi * across, phi = kernels::kPi * (0.5 - upwards);
     const Eigen::Vector3d ray(-std::sin(theta) * std::sin(phi), std::cos(phi), -std::cos(theta) * std::sin(phi));
     Eigen::Matrix4d m;
     for (int r = 0; r < 4; ++r) {

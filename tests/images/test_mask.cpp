@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "drawn_scene.h"
+#include "elementary.h"
 #include "pmsp/error.h"
 #include "pmsp/io/images.h"
 
@@ -17,8 +18,6 @@ using namespace pmsp::test;
 using Catch::Matchers::Contains;
 
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 /// All 255 but for one ignored pixel.
 cv::Mat mask_with_hole(int width, int height, int x, int y) {
@@ -157,8 +156,9 @@ TEST_CASE("A cap at the zenith is ignored") {
   CHECK(mask(63, 8) == 255);
   CHECK(mask(0, 27) == 255);
   CHECK(mask(0, 28) == 0);
-  CHECK(MaskSource({{}, {}, 22.5, 45.0}).look({"any.jpg"}, 640, 320).hidden ==
-        Approx(1.0 - 0.5 * (std::cos(45.0 / 180.0 * kPi) + std::cos(22.5 / 180.0 * kPi))).margin(1e-3));
+  CHECK(
+      MaskSource({{}, {}, 22.5, 45.0}).look({"any.jpg"}, 640, 320).hidden ==
+      Approx(1.0 - 0.5 * (std::cos(45.0 / 180.0 * kernels::kPi) + std::cos(22.5 / 180.0 * kernels::kPi))).margin(1e-3));
 }
 
 TEST_CASE("The alpha channel of a mask decides where colours do not") {

@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 
 #include "core/helpers.h"
+#include "elementary.h"
 #include "live/live_missions.h"
 #include "pmsp/densifier.h"
 #include "pmsp/error.h"
@@ -183,7 +184,7 @@ TEST_CASE("Points are tested again when a distant keyframe that saw them moves")
   for (const Landmark& landmark : first.landmarks) {
     range += (first.cam_from_world * landmark.position_world).norm() / static_cast<double>(first.landmarks.size());
   }
-  const double pixel = 2.0 * M_PI / kRoomWidth;
+  const double pixel = 2.0 * kernels::kPi / kRoomWidth;
   first.cam_from_world.translation.y() += 0.17 * pixel * range;  // far from a loop closure
   live.update({first});
   REQUIRE(live.wait(kLong));

@@ -10,6 +10,7 @@
 #include <sqlite3.h>
 #include <unistd.h>
 
+#include "elementary.h"
 #include "pmsp/error.h"
 #include "pmsp/io/map.h"
 
@@ -156,7 +157,7 @@ SampleMap random_map(int count, int landmarks, unsigned seed) {
     keyframe.id = 2 * i;
     keyframe.timestamp = i / 30.0;
     keyframe.camera = "theta";
-    keyframe.rotation_cw = turn(3.14159 * uniform(random), vector());
+    keyframe.rotation_cw = turn(kernels::kPi * uniform(random), vector());
     keyframe.translation_cw = vector();
     for (int k = 0; k < 20; ++k) {
       keyframe.keypoints.emplace_back(static_cast<float>(960.0 + 930.0 * uniform(random)),

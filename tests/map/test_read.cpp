@@ -12,6 +12,7 @@
 #include <Eigen/Geometry>
 #include <catch2/catch.hpp>
 
+#include "elementary.h"
 #include "machine.h"
 #include "map_files.h"
 #include "pmsp/camera.h"
@@ -127,7 +128,7 @@ TEST_CASE("a keyframe's pose error is the residual of its landmarks over the roo
   map.cameras.push_back({"theta", 1920, 960, 30.0});
   MapKeyframe keyframe;
   keyframe.cam_from_world.translation = {0.5, -0.25, 2.0};
-  constexpr double kDegree = 3.14159265358979 / 180.0;
+  constexpr double kDegree = kernels::kPi / 180.0;
   const Eigen::Vector3d center = keyframe.cam_from_world.center();
   const auto see = [&](const Eigen::Vector3d& direction, double degrees_off) {
     const auto id = static_cast<std::int64_t>(map.landmarks.size());

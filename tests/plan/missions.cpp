@@ -7,11 +7,12 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
+
 namespace pmsp::test {
 namespace {
 
 using Eigen::Vector3d;
-constexpr double kPi = 3.14159265358979323846;
 
 double uniform(std::mt19937& random, double from, double to) {
   return from + (to - from) * (static_cast<double>(random()) / 4294967296.0);
@@ -24,7 +25,7 @@ std::vector<Vector3d> points_along(const std::vector<Vector3d>& path, double len
   const int count = static_cast<int>(length * recipe.density);
   for (int i = 0; i < count; ++i) {
     const Vector3d& at = path[random() % path.size()];
-    const double around = uniform(random, 0.0, 2.0 * kPi);
+    const double around = uniform(random, 0.0, 2.0 * kernels::kPi);
     const double across = uniform(random, -1.0, 1.0);
     points.push_back(at +
                      Vector3d(uniform(random, -3.0, 3.0), 1.25 * std::sin(around), 1.6 * std::cos(around) + across));
@@ -57,7 +58,7 @@ std::vector<PlanKeyframe> see(const std::vector<Vector3d>& places, const std::ve
     while (uniform(random, 0.0, 1.0) < recipe.skipped_ids) ++id;
     keyframe.id = id++;
     const Eigen::Matrix3d rotation =
-        Eigen::AngleAxisd(uniform(random, -kPi, kPi), Vector3d::UnitY()).toRotationMatrix();
+        Eigen::AngleAxisd(uniform(random, -kernels::kPi, kernels::kPi), Vector3d::UnitY()).toRotationMatrix();
     keyframe.cam_from_world = {rotation, -(rotation * place)};
     std::vector<std::pair<double, std::size_t>> seen;
     const Cell center = cell_of(place);
@@ -104,7 +105,7 @@ std::vector<PlanKeyframe> loop(const MissionRecipe& recipe) {
   std::mt19937 random(recipe.seed);
   std::vector<Vector3d> places;
   const double length = recipe.step * recipe.keyframes;
-  const double radius = length / (2.0 * kPi * 1.1);  // the last tenth runs where the first one did
+  const double radius = length / (2.0 * kernels::kPi * 1.1);  // the last tenth runs where the first one did
   for (int i = 0; i < recipe.keyframes; ++i) {
     const double angle = recipe.step * i / radius;
     places.emplace_back(radius * std::cos(angle), uniform(random, -0.05, 0.05), radius * std::sin(angle));

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "elementary.h"
 #include "patchmatch/neighbours.h"
 #include "plan/choices.h"
 
@@ -17,7 +18,7 @@ namespace {
 std::vector<Landmark> ring(double radius) {
   std::vector<Landmark> landmarks;
   for (int i = 0; i < 40; ++i) {
-    const double angle = 2.0 * 3.14159265358979 * i / 40;
+    const double angle = 2.0 * kernels::kPi * i / 40;
     landmarks.push_back({i, {0.0, radius * std::sin(angle), radius * std::cos(angle)}});
   }
   return landmarks;

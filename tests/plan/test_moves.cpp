@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
 #include "plan/moves.h"
 
 using namespace pmsp;
@@ -16,7 +17,7 @@ TEST_CASE("the image motion is the rotation plus the translation over the range"
   turned.own.cam_from_world.rotation =
       Eigen::AngleAxisd(kTurn, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
   CHECK(moved_angle(then, turned, kRange) == Approx(kTurn).epsilon(1e-3));
-  CHECK(moved_px(then, turned, kRange, 640) == Approx(kTurn * 640 / (2.0 * 3.14159265358979)).epsilon(1e-3));
+  CHECK(moved_px(then, turned, kRange, 640) == Approx(kTurn * 640 / (2.0 * kernels::kPi)).epsilon(1e-3));
   PosePair shifted = then;
   shifted.own.cam_from_world.translation = {0.0, 0.2, 0.0};
   CHECK(moved_angle(then, shifted, kRange) == Approx(0.05).epsilon(1e-6));

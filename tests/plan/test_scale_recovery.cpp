@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "elementary.h"
 #include "plan/scale_recovery.h"
 #include "synth/rng.h"
 
@@ -12,7 +13,6 @@ using namespace pmsp;
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr std::size_t kKeyframes = 80;
 constexpr std::size_t kLandmarks = 60;
 constexpr std::size_t kSlow = 40;  ///< here the flight nearly stands
@@ -34,8 +34,8 @@ struct Flight {
     for (std::size_t i = 0; i < kKeyframes; ++i) {
       const double part = static_cast<double>(i) / kKeyframes;
       const double ratio = std::pow(drift, part);
-      const Eigen::Vector3d center(6.0 * std::cos(2.0 * kPi * part), 0.3 * std::sin(9.0 * part),
-                                   6.0 * std::sin(2.0 * kPi * part));
+      const Eigen::Vector3d center(6.0 * std::cos(2.0 * kernels::kPi * part), 0.3 * std::sin(9.0 * part),
+                                   6.0 * std::sin(2.0 * kernels::kPi * part));
       if (i > 0) drifted += (center - last) / ratio;
       last = center;
       MovedKeyframe keyframe;

@@ -7,6 +7,7 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
 #include "pmsp/camera.h"
 #include "synth/mission.h"
 #include "synth/rng.h"
@@ -147,7 +148,7 @@ TEST_CASE("thin room: a pole's depth and width are those of the cylinder, the wa
       CHECK((room.depth(level, aside) < distance) == thin);
       if (!thin) CHECK(room.depth(level, aside) > 1.2 * distance);
     }
-    const double pixels = 2.0 * std::asin(0.5 * diameter / distance) * room.mission.width / (2.0 * std::acos(-1.0));
+    const double pixels = 2.0 * std::asin(0.5 * diameter / distance) * room.mission.width / (2.0 * kernels::kPi);
     CHECK(std::abs(width - pixels) <= 1.0);
     CHECK(std::abs(room.gray(level) - room.gray(level, 6)) > 10.0);
   };

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "elementary.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
 #include "synth/mission.h"
@@ -39,7 +40,7 @@ const std::vector<std::pair<std::string, std::function<Mission(const Recipe&)>>>
 }
 
 double parallax_deg(const Vector3d& point, const Vector3d& a, const Vector3d& b) {
-  return std::acos((a - point).normalized().dot((b - point).normalized())) * 180.0 / std::acos(-1.0);
+  return std::acos((a - point).normalized().dot((b - point).normalized())) * 180.0 / kernels::kPi;
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
 #include "pmsp/camera.h"
 #include "synth/mission.h"
 #include "synth/render.h"
@@ -61,8 +62,8 @@ TEST_CASE("depth is the Euclidean distance along the ray of the pixel's centre")
   const RenderedView view = render(scene, {}, 64, 32, {1, 1.0, 0.0, 1, 1});
   for (int y = 0; y < 32; ++y) {
     for (int x = 0; x < 64; ++x) {
-      const double lon = ((x + 0.5) / 64.0 - 0.5) * 2.0 * std::acos(-1.0);
-      const double lat = (0.5 - (y + 0.5) / 32.0) * std::acos(-1.0);
+      const double lon = ((x + 0.5) / 64.0 - 0.5) * 2.0 * kernels::kPi;
+      const double lat = (0.5 - (y + 0.5) / 32.0) * kernels::kPi;
       const double z = std::cos(lat) * std::cos(lon);
       if (z > 1e-9) {
         CHECK(view.depth(x, y) == Approx(2.0 / z).epsilon(1e-5));

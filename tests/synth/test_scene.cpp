@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
 #include "synth/rng.h"
 #include "synth/scene.h"
 
@@ -67,7 +68,7 @@ TEST_CASE("a box room is hit on the right wall") {
 TEST_CASE("a turned box inside a room occludes the wall behind it") {
   Scene scene;
   scene.add(Box{Vector3d::Zero(), {4.0, 4.0, 4.0}, Eigen::Matrix3d::Identity()}, textured(1));
-  const Eigen::Matrix3d turn = Eigen::AngleAxisd(std::acos(-1.0) / 4.0, Vector3d::UnitY()).toRotationMatrix();
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(pmsp::kernels::kPi / 4.0, Vector3d::UnitY()).toRotationMatrix();
   scene.add(Box{{0.0, 0.0, 2.0}, {0.5, 0.5, 0.5}, turn}, textured(2));
 
   // Turned by 45 degrees, an edge faces the camera; a little to its right the face recedes at 45 degrees.

@@ -6,14 +6,13 @@
 #include <cstdio>
 #include <map>
 
+#include "elementary.h"
 #include "export/fit_similarity.h"
 #include "pmsp-eval/statistics.h"
 #include "pmsp/error.h"
 
 namespace pmsp::eval {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 using Points = std::vector<Eigen::Vector3d>;
 
@@ -74,7 +73,7 @@ void match_by_time(const std::vector<TimedPose>& keyframes, const std::vector<Ti
 }
 
 double angle_deg(const Eigen::Matrix3d& rotation) {
-  return std::acos(std::clamp((rotation.trace() - 1.0) / 2.0, -1.0, 1.0)) * 180.0 / kPi;
+  return std::acos(std::clamp((rotation.trace() - 1.0) / 2.0, -1.0, 1.0)) * 180.0 / kernels::kPi;
 }
 
 void measure_residuals(const std::vector<TimedPose>& keyframes, const std::vector<TimedPose>& truth,

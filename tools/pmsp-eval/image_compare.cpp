@@ -6,6 +6,7 @@
 #include <iterator>
 #include <limits>
 
+#include "elementary.h"
 #include "pmsp-eval/ground_truth.h"
 #include "pmsp/camera.h"
 
@@ -67,10 +68,7 @@ Image<float> relative_error(const Image<float>& estimate, const Image<float>& tr
   return error;
 }
 
-double row_weight(int y, int height) {
-  constexpr double kPi = 3.14159265358979323846;
-  return std::sin((y + 0.5) / height * kPi);
-}
+double row_weight(int y, int height) { return std::sin((y + 0.5) / height * kernels::kPi); }
 
 int columns_within(int reach, int y, int width, int height) {
   return std::min(static_cast<int>(std::lround(reach / row_weight(y, height))), width / 4);

@@ -10,6 +10,7 @@
 
 #include <Eigen/Geometry>
 
+#include "elementary.h"
 #include "pmsp-eval/image_compare.h"
 #include "pmsp-eval/parallel.h"
 #include "pmsp-eval/statistics.h"
@@ -19,7 +20,6 @@
 namespace pmsp::eval {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr int kNormalReachPx = 3;             // more than one pixel, since ranges are rounded to millimetres
 constexpr double kMinCosIncidence = 0.05;     // bounds the spacing of samples at grazing angles
 constexpr double kMaxCell = 2e9;              // cell indices have 32 bits
@@ -107,7 +107,7 @@ std::vector<Sample> sample_range_map(const Image<float>& range, const RigidTrans
       if (!normal) continue;
       const double cos_incidence = std::abs(normal->dot(view.bearing(x, y)));
       const double spacing =
-          distance * (kPi / range.height()) * options.stride / std::max(cos_incidence, kMinCosIncidence);
+          distance * (kernels::kPi / range.height()) * options.stride / std::max(cos_incidence, kMinCosIncidence);
       const Eigen::Vector3d position = world_from_cam * view.point(x, y) - origin;
       const Eigen::Array3d cell = (position / options.voxel_m).array().floor();
       if (!(cell.abs().maxCoeff() < kMaxCell)) {
