@@ -80,8 +80,8 @@ class JsonIterator {
     characters_->advance();
     return *this;
   }
-  friend bool operator==(const JsonIterator& a, const JsonIterator& b) { return a.is_done() == b.is_done(); }
-  friend bool operator!=(const JsonIterator& a, const JsonIterator& b) { return a.is_done() != b.is_done(); }
+  bool operator==(const JsonIterator& other) const { return is_done() == other.is_done(); }
+  bool operator!=(const JsonIterator& other) const { return !(*this == other); }
 
  private:
   bool is_done() const { return characters_ == nullptr || characters_->at_end(); }
