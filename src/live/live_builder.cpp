@@ -2,6 +2,7 @@
 #include "live/live_builder.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
 #include "cost.h"
@@ -265,7 +266,7 @@ void LiveBuilder::invalidate(LiveNode& node, LiveCause cause) {
   const bool published = node.published_passes > 0;
   switch (cause) {
     case LiveCause::kView:
-      node.stale.points = node.stale.points || published;
+      node.stale.points |= published;
       break;
     case LiveCause::kDepthMap:
     case LiveCause::kRig:
@@ -273,13 +274,13 @@ void LiveBuilder::invalidate(LiveNode& node, LiveCause cause) {
       break;
     case LiveCause::kInputs:
       node.stale.points = true;
-      node.stale.duplicates = node.stale.duplicates || searches_all_;
+      node.stale.duplicates |= searches_all_;
       break;
     case LiveCause::kNewPoints:
-      node.stale.duplicates = node.stale.duplicates || searches_all_;
+      node.stale.duplicates |= searches_all_;
       break;
     case LiveCause::kOverlap:
-      node.stale.duplicates = node.stale.duplicates || published;
+      node.stale.duplicates |= published;
       break;
     case LiveCause::kLenses:
       node.filtered_version = node.fused_version = 0;

@@ -123,12 +123,7 @@ struct LiveDensifier::Impl {
   }
 
   void update(const std::vector<LiveKeyframe>& keyframes) {
-    std::vector<LiveKeyframe> states;
-    states.reserve(keyframes.size());
-    for (const LiveKeyframe& keyframe : keyframes) {
-      check_place(keyframe);
-      states.push_back(state_of(keyframe));
-    }
+    std::vector<LiveKeyframe> states = states_of(keyframes);
     post([&] { move(std::move(states)); });
   }
 
@@ -138,23 +133,19 @@ struct LiveDensifier::Impl {
       if (!there.insert(keyframe.id).second) {
         throw InvalidInput("sync: keyframe " + std::to_string(keyframe.id) + " is there twice");
       }
-      check_place(keyframe);
     }
+    std::vector<LiveKeyframe> states = states_of(keyframes);
     post([&] {
-      std::vector<LiveKeyframe> known;
       std::vector<const LiveKeyframe*> fresh;
       for (const LiveKeyframe& keyframe : keyframes) {
-        if (knows(keyframe.id)) {
-          known.push_back(state_of(keyframe));
-        } else if (keyframe.image.data != nullptr) {
-          check_image_of(keyframe);
-          fresh.push_back(&keyframe);
-        }
+        if (knows(keyframe.id) || keyframe.image.data == nullptr) continue;
+        check_image_of(keyframe);
+        fresh.push_back(&keyframe);
       }
       std::vector<std::int64_t> gone;
       std::set_difference(known_.begin(), known_.end(), there.begin(), there.end(), std::back_inserter(gone));
       erase_known(gone);
-      move(std::move(known));
+      move(std::move(states));  // ignores new ones
       std::sort(fresh.begin(), fresh.end(), [](const auto* a, const auto* b) { return a->id < b->id; });
       for (const LiveKeyframe* keyframe : fresh) arrive(*keyframe);
     });
@@ -224,12 +215,12 @@ struct LiveDensifier::Impl {
   }
 
  private:
-  template <class Change>
-  void post(const Change& change) {
+  template <class Call>
+  void post(const Call& call) {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
       if (stats_.failed) return;
-      change();
+      call();
       idle_ = false;
     }
     changed_.notify_all();
@@ -245,6 +236,17 @@ struct LiveDensifier::Impl {
     state.cam_from_world = keyframe.cam_from_world;
     state.landmarks = keyframe.landmarks;
     return state;
+  }
+
+  /// Returns copies without images. Throws InvalidInput if one is invalid.
+  static std::vector<LiveKeyframe> states_of(const std::vector<LiveKeyframe>& keyframes) {
+    std::vector<LiveKeyframe> states;
+    states.reserve(keyframes.size());
+    for (const LiveKeyframe& keyframe : keyframes) {
+      check_place(keyframe);
+      states.push_back(state_of(keyframe));
+    }
+    return states;
   }
 
   // With `mutex_` locked.
@@ -280,15 +282,19 @@ struct LiveDensifier::Impl {
   }
 
   void erase_known(const std::vector<std::int64_t>& ids) {
+    std::vector<std::int64_t> erased;
     for (const std::int64_t id : ids) {
-      if (known_.erase(id) == 0) continue;
-      ++stats_.erased;
-      changes_.emplace_back([this, id] {
-        tracker_.erase(id);
-        map_.remove({id});
-        enqueue({[id](LiveBuilder& builder) { builder.erase(id); }});
-      });
+      if (known_.erase(id) != 0) erased.push_back(id);
     }
+    if (erased.empty()) return;
+    stats_.erased += static_cast<std::int64_t>(erased.size());
+    changes_.emplace_back([this, erased = std::move(erased)] {
+      for (const std::int64_t id : erased) {
+        tracker_.erase(id);
+        enqueue({[id](LiveBuilder& builder) { builder.erase(id); }});
+      }
+      map_.remove(erased);
+    });
   }
 
   bool is_idle() const { return idle_ && queue_.empty() && changes_.empty(); }
@@ -477,6 +483,7 @@ struct LiveDensifier::Impl {
     std::deque<Change> dropped_changes;
     {
       const std::lock_guard<std::mutex> state_lock(state_mutex_);
+      settle_locked();  // ids that a reset has freed may be in use again
       const std::lock_guard<std::mutex> lock(mutex_);
       stats_ = sum(stats_, worker_stats_);
       worker_stats_ = {};

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
+#include <set>
 #include <utility>
 
 #include "live/live_builder.h"
