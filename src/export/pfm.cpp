@@ -42,7 +42,7 @@ std::string read_word(BinaryInput& in) {
 }
 
 int read_side(BinaryInput& in) {
-  const std::optional<int> side = number_from<int>(read_word(in));
+  const std::optional<int> side = plain_number_from<int>(read_word(in));
   if (!side || *side < 1 || *side > kMaxSide) {
     in.fail("the PFM header names no valid size; expected width and height from 1 to " + std::to_string(kMaxSide));
   }
@@ -57,7 +57,7 @@ Image<T> read(const std::filesystem::path& path, const std::string& magic, const
   if (found != magic) in.fail(std::string("has the wrong number of channels; expected ") + channels);
   const int width = read_side(in);
   const int height = read_side(in);
-  const std::optional<double> scale = number_from<double>(read_word(in));
+  const std::optional<double> scale = plain_number_from<double>(read_word(in));
   if (!scale || !std::isfinite(*scale) || *scale == 0.0) {
     in.fail("the PFM header has no valid scale; expected a number other than 0");
   }

@@ -123,7 +123,7 @@ class HeaderParser {
   void element(const std::vector<std::string>& words) {
     Element element;
     if (words.size() == 3) {
-      const auto count = number_from<std::int64_t>(words[2]);
+      const auto count = plain_number_from<std::int64_t>(words[2]);
       if (count && *count >= 0) {
         element.count = *count;
         element.name = words[1];

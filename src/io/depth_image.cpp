@@ -244,7 +244,7 @@ std::string npy_value(const BinaryInput& file, const std::string& header, const 
 std::vector<std::int64_t> npy_shape(const BinaryInput& file, const std::string& text) {
   std::vector<std::int64_t> sides;
   for (const std::string& word : words_of(text, " ,")) {
-    const std::optional<std::int64_t> side = number_from<std::int64_t>(word);
+    const std::optional<std::int64_t> side = plain_number_from<std::int64_t>(word);
     if (!side || *side < 0) file.refuse("its shape is (" + text + "); expected whole numbers");
     sides.push_back(*side);
   }

@@ -30,7 +30,7 @@ bool matches(MapFile& file) {
 /// Number, or string of one; NaN allowed.
 double number_of(const JsonValue& value) {
   if (!value.is_text()) return value.number_or_nan();
-  const std::optional<double> number = number_from<double>(value.text());
+  const std::optional<double> number = plain_number_from<double>(value.text());
   if (!number) value.refuse("a number");
   return *number;
 }

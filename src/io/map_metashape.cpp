@@ -51,7 +51,7 @@ std::vector<double> numbers(const pugi::xml_node& node, std::size_t count, const
 
 std::int64_t whole_number(const pugi::xml_node& node, const char* attribute, const std::filesystem::path& path) {
   const std::string text = node.attribute(attribute).value();
-  const std::optional<std::int64_t> value = number_from<std::int64_t>(text);
+  const std::optional<std::int64_t> value = plain_number_from<std::int64_t>(text);
   if (!value) {
     fail(path, place(node), std::string(attribute) + " is " + in_quotes(text) + ", expected a whole number");
   }

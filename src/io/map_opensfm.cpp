@@ -44,8 +44,8 @@ Eigen::Matrix3d rotation_of(const JsonValue& value) {
 class PointIds {
  public:
   std::int64_t of(const std::string& name) {
-    const std::optional<std::int64_t> id = number_from<std::int64_t>(name);
-    const bool plain = id && *id >= 0 && *id < kFirst && (name.size() == 1 || (name[0] != '0' && name[0] != '+'));
+    const std::optional<std::int64_t> id = plain_number_from<std::int64_t>(name);
+    const bool plain = id && *id >= 0 && *id < kFirst && (name.size() == 1 || name[0] != '0');
     if (plain) return *id;
     return others_.emplace(name, kFirst + static_cast<std::int64_t>(others_.size())).first->second;
   }

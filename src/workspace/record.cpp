@@ -43,7 +43,7 @@ KeyframePose pose_from(const Json& json) {
 }
 
 std::int64_t id_from(const std::string& text) {
-  if (const auto id = number_from<std::int64_t>(text)) return *id;
+  if (const auto id = plain_number_from<std::int64_t>(text)) return *id;
   throw InvalidInput("\"" + text + "\" is no keyframe's id");
 }
 

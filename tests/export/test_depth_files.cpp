@@ -89,6 +89,7 @@ TEST_CASE("broken PFM files are refused with a reason") {
       {"PF\n1 1\n-1\n" + std::string(12, 'x'), "channels"},
       {"Pf\n0 1\n-1\n", "no valid size"},
       {"Pf\n-4 1\n-1\n", "no valid size"},
+      {"Pf\n+4 1\n-1\n", "no valid size"},
       {"Pf\n2000000000 2000000000\n-1\n", "no valid size"},
       {"Pf\n1000000 1000000\n-1\nabc", "is it cut off"},
       {"Pf\n1 1\n0\nabcd", "scale"},
