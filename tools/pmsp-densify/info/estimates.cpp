@@ -417,7 +417,7 @@ void print_memory(const Arguments& arguments) {
   if (size.width == 0 && !map.cameras.empty()) size = {map.cameras[0].width, map.cameras[0].height};
   fill_in_size(options, size.width, size.height);
   const MemoryBudget memory = estimate_memory(map, options, keyframes, size.width, size.height);
-  const DeviceBudget asked = estimate_device(options, keyframes, kAnyImageWidth);
+  const DeviceBudget device = estimate_device(options, keyframes, kAnyImageWidth);
   const double pixels = static_cast<double>(options.width) * static_cast<double>(options.height);
   const double workspace = arguments.workspace.empty()
                                ? 0.0
@@ -427,8 +427,8 @@ void print_memory(const Arguments& arguments) {
   const nlohmann::ordered_json json{{"cpu", {{"memory_bytes", whole(memory.host + workspace)}}},
                                     {"gpu",
                                      {{"memory_bytes", whole(memory.gpu_host + workspace + gpu_workspace)},
-                                      {"device_bytes", whole(asked.all)},
-                                      {"least_device_bytes", whole(asked.least)},
+                                      {"device_bytes", whole(device.all)},
+                                      {"least_device_bytes", whole(device.least)},
                                       {"devices", devices},
                                       {"free_device_bytes", free_on(devices)}}}};
   std::cout << json.dump(2) << "\n";
