@@ -132,7 +132,7 @@ TEST_CASE("a full disk leaves no directory and with more space the same command 
   check_all(dir.path());
 }
 
-TEST_CASE("--force replaces own files of a directory and keeps foreign ones", "[folders]") {
+TEST_CASE("an own directory is replaced with --force and keeps foreign files", "[folders]") {
   const TempDir dir;
   for (const std::string& name : kFolders) {
     fs::create_directories(dir / name / "images");
