@@ -62,8 +62,7 @@ class Table {
 void machine(Table& table) {
   table.stage("Size and machine");
   PMSP_OPTION(width,
-              "Width of the depth maps; 0 = that of the images, at most 5760; widths below 1440 are enlarged by 1.5, "
-              "up to 1440")
+              "Width of the depth maps; 0 = that of the images, enlarged by 1.5 up to 1440, at most 5760")
       .unit("px")
       .range(32, 16384)
       .even()
@@ -91,7 +90,7 @@ void machine(Table& table) {
   PMSP_OPTION(simd, "Instruction set; auto: the widest of the machine");
   PMSP_OPTION(lens_distance,
               "Distance of the camera's two lenses along its forward axis, for panoramas stitched as if both had one "
-              "centre; 0 = one centre; estimated if not given")
+              "centre; 0 = one centre; estimated by default")
       .unit("map units")
       .range(-kMaxPosition, kMaxPosition);
   PMSP_OPTION(unordered, "The keyframes are a set without temporal order, such as photos");
@@ -132,7 +131,7 @@ void init(Table& table) {
 
 void patchmatch(Table& table) {
   table.stage("PatchMatch");
-  PMSP_ADVANCED_OPTION(patchmatch.iterations, "Visits per pixel in the first pass")
+  PMSP_ADVANCED_OPTION(patchmatch.iterations, "Iterations of the first pass")
       .range(1, 100)
       .normal(2)
       .high(2)
@@ -141,7 +140,7 @@ void patchmatch(Table& table) {
       .range(1, kernels::kMaxViews)
       .normal(4)
       .high(6);
-  PMSP_ADVANCED_OPTION(patchmatch.refinements, "Random hypotheses per visit").range(0, 32).paper(6);
+  PMSP_ADVANCED_OPTION(patchmatch.refinements, "Random hypotheses per pixel and iteration").range(0, 32).paper(6);
   PMSP_ADVANCED_OPTION(patchmatch.fine_patch, "Patch size at textured pixels; 1 = one size")
       .unit("share of the patch")
       .range(0.1, 1)
@@ -153,19 +152,19 @@ void patchmatch(Table& table) {
       .unit("widths of the depth map")
       .range(0.25, 8)
       .paper(1);
-  PMSP_ADVANCED_OPTION(patchmatch.sigma_color, "Colour deviation of the bilateral weights")
+  PMSP_ADVANCED_OPTION(patchmatch.sigma_color, "Maximum standard deviation of the bilateral weights")
       .unit("gray levels")
       .range(1, 1000)
       .paper(50);
   PMSP_ADVANCED_OPTION(patchmatch.min_sigma_color,
-                       "Minimum colour deviation, where the patch is smooth; from sigma_color on it is constant")
+                       "Minimum standard deviation, where the patch is smooth; from sigma_color on it is constant")
       .unit("gray levels")
       .range(1, 1000)
       .paper(50);
   PMSP_ADVANCED_OPTION(patchmatch.plane_priors, "Prior planes for untextured pixels, from reliable surroundings")
       .paper(0);
   PMSP_ADVANCED_OPTION(patchmatch.geometric_passes,
-                       "Passes in which agreement with the depth maps of source views raises the score")
+                       "Passes in which disagreement with the depth maps of source views lowers the score")
       .range(0, 8)
       .normal(3)
       .high(3)

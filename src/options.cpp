@@ -66,7 +66,6 @@ void DensifierOptions::validate() const {
                         "; expected 0 (not known) or more");
   }
   advanced.view_filter.validate();
-  advanced.patchmatch.validate();
   advanced.consistency.validate();
 }
 

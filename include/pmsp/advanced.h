@@ -39,22 +39,22 @@ struct PMSP_API InitOptions {
 
 /// Red-black PatchMatch on the sphere.
 struct PMSP_API PatchMatchOptions {
-  /// Visits per pixel in the first pass, 1 to 100. They improve textured surfaces, geometric passes untextured ones.
+  /// Iterations of the first pass, 1 to 100. They improve textured surfaces, geometric passes untextured ones.
   int iterations = 3;
   int neighbours = 2;   ///< source views per depth map, 1 to 8; time is proportional
-  int refinements = 3;  ///< random hypotheses per visit, 0 to 32
+  int refinements = 3;  ///< random hypotheses per pixel and iteration, 0 to 32
   /// Patch size at textured pixels relative to that at others, 0.1 to 1; 1 = one size, all pixels count as textured.
   double fine_patch = 0.3;
   /// Maximum width of images relative to the depth map, 0.25 to 8. Larger values preserve thin structures, and noise.
   double image_scale = 2.0;
-  double sigma_color = 20.0;  ///< colour deviation of the bilateral weights [gray levels, 0 to 255], 1 to 1000
-  /// Minimum colour deviation, where the patch is smooth, so that foreground edges do not dominate [gray levels], 1 to
-  /// 1000; from sigma_color on it is constant.
+  double sigma_color = 20.0;  ///< maximum standard deviation of the bilateral weights [gray levels], 1 to 1000
+  /// Minimum standard deviation, where the patch is smooth, so that foreground edges do not dominate [gray levels], 1
+  /// to 1000; from sigma_color on it is constant.
   double min_sigma_color = 4.0;
   /// Adds prior planes to the hypotheses of untextured pixels before each geometric pass, with a score bonus; see
   /// plane_priors (pmsp/stages.h).
   bool plane_priors = true;
-  /// Passes in which agreement with the depth maps of source views raises the score, 0 to 8; views in which a textured
+  /// Passes in which disagreement with the depth maps of source views lowers the score, 0 to 8; views in which a textured
   /// pixel is hidden are ignored. Each delays results by the reach of source views; more pay off with few source views.
   int geometric_passes = 4;
 
@@ -112,9 +112,9 @@ struct PMSP_API FreeSpaceOptions {
   /// of points behind it, and many of these are mirror images of surfaces in front of it.
   bool mirrors = true;
   /// Uses later keyframes as viewers, and removes duplicates beyond the fusion window, see `fusion.history`. Points are
-  /// delivered at the end, or half of `history` plus twice `fusion.history` keyframes later; false for live use.
+  /// delivered at the end, or half of `history` plus twice `fusion.history` keyframes later; by LiveDensifier without delay.
   bool whole_mission = false;
-  /// Used keyframes from which viewers are chosen, half on either side, 1 to 100000. Memory: two bytes per pixel of
+  /// Accepted keyframes from which viewers are chosen, half on either side, 1 to 100000. Memory: two bytes per pixel of
   /// each depth map; with `whole_mission` at least 11 for following ones.
   int history = 100;
 

@@ -66,8 +66,8 @@ class PMSP_API Densifier {
   Densifier(Densifier&&) noexcept;
   Densifier& operator=(Densifier&&) noexcept;
 
-  /// Adds a keyframe. Copies its images: buffers may be freed on return. Returns whether the view filter accepts it;
-  /// false after `cancel`.
+  /// Adds a keyframe, copies its images and blocks while depth maps are computed. Returns whether the view filter
+  /// accepts it; false after `cancel`.
   ///
   /// Throws InvalidInput, with no effect, if image, mask, prior depth, pose or landmarks are invalid (see Keyframe) or
   /// the id was added before; DeviceError if the GPU fails; BackendUnavailable if GPU memory is too small for depth
@@ -81,7 +81,7 @@ class PMSP_API Densifier {
   /// Makes `add` or `flush` return at the next safe point (between two iterations). May be called from any thread or a
   /// signal handler. Delivered results stay valid; no more are delivered, and no more keyframes accepted.
   void cancel() noexcept;
-  bool cancelled() const noexcept;  ///< after `cancel` or an exception, see above
+  bool cancelled() const noexcept;  ///< after `cancel`, or any exception but InvalidInput
 
   const DensifierStats& stats() const;  ///< so far
 

@@ -32,19 +32,19 @@ class PMSP_API IoError : public Error {
   using Error::Error;
 };
 
-/// File that cannot be written. No incomplete file remains.
+/// File that cannot be written, or network address that is not available. No incomplete file remains.
 class PMSP_API OutputError : public Error {
  public:
   using Error::Error;
 };
 
-/// Failed GPU call or insufficient GPU memory; message with call and remedy. The object must not be used again.
+/// Failed GPU call or allocation; message with call and remedy. The object must not be used again.
 class PMSP_API DeviceError : public Error {
  public:
   using Error::Error;
 };
 
-/// Requested backend that is not built in or not supported by the machine.
+/// Requested backend that is not built in, not supported by the machine, or has too little memory.
 class PMSP_API BackendUnavailable : public Error {
  public:
   using Error::Error;

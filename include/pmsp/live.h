@@ -22,7 +22,7 @@ using LiveVersion = std::uint64_t;
 struct LiveCloud {
   std::int64_t keyframe_id = 0;
   std::int64_t map_id = 0;  ///< map of the SLAM, see LiveKeyframe::map_id
-  KeyframePose pose;        ///< current pose and scale, to draw `cloud->points` with; `cloud->pose` is older
+  KeyframePose pose;        ///< current pose and scale, to draw `cloud->points` with; `cloud->pose()` is older
   std::shared_ptr<const KeyframeCloud> cloud;  ///< never null, immutable
   bool preliminary = false;                    ///< to be replaced by final points
   LiveVersion cloud_since = 0;                 ///< version that added these points
@@ -51,7 +51,7 @@ enum class PixelFormat { kRgb, kBgr, kGray };  ///< 3, 3 and 1 bytes per pixel
 
 /// Equirectangular image of a keyframe, 8 bits per channel. Shared: pixels must not change while `owner` is held.
 struct LiveImage {
-  std::shared_ptr<const void> owner;  ///< keeps the pixels alive; released as soon as they are no longer needed
+  std::shared_ptr<const void> owner;  ///< keeps the pixels alive, not null; released when no longer needed
   const std::uint8_t* data = nullptr;
   int width = 0;              ///< [px], even, at least 16
   int height = 0;             ///< [px], even, at least 8
@@ -59,7 +59,7 @@ struct LiveImage {
   PixelFormat format = PixelFormat::kRgb;
 };
 
-/// State of a keyframe, in frames and units of Keyframe. Image, prior depth and pose error: for new keyframes only.
+/// State of a keyframe, in frames and units of Keyframe. Image, prior depth, pose error: ignored for known ones.
 struct LiveKeyframe {
   std::int64_t id = 0;
   RigidTransform cam_from_world;
@@ -72,32 +72,33 @@ struct LiveKeyframe {
 };
 
 struct PMSP_API LiveOptions {
-  /// Size, preset, seed, backend. Duplicates are points of one surface from several keyframes. With
-  /// `free_space.whole_mission` they are removed among all keyframes, else within the fusion window
-  /// (FusionOptions::window) and between keyframes that a loop closure has brought together. `unordered` must be false
-  /// and `scratch_folder` empty; `pipelined` and `expected_keyframes` are ignored.
+  /// Size, seed, backend, stages. `unordered` must be false and `scratch_folder` empty; `pipelined` and
+  /// `expected_keyframes` are ignored. Duplicates (points of one surface from several keyframes) are removed among all
+  /// keyframes with `free_space.whole_mission`, which delays no points here; else within FusionOptions::window and
+  /// between keyframes that a loop closure has brought together.
   DensifierOptions densifier = preset(Quality::kOnline);
   int nice = 19;  ///< niceness added to the worker threads, 0 to 19, Linux only; 19 = nearly idle cores only
-  /// Estimates `densifier.lens_distance`, if that is 0, with a LensDistanceEstimator from the first 24 used keyframes,
-  /// or from at least 8 at `finish`. A significant distance is fixed then, and earlier depth maps are computed again.
-  /// Memory: up to 2 MiB for each of these keyframes.
+  /// Estimates `densifier.lens_distance`, if that is 0, with a LensDistanceEstimator from the first 24 accepted
+  /// keyframes, or from at least 8 at `finish`. A significant distance is fixed then, and earlier depth maps are
+  /// computed again. Memory: up to 2 MiB for each of these keyframes.
   bool calibrate_lenses = true;
   /// Masks the rig (camera mount, vehicle, operator) with a RigMaskEstimator, from the same keyframes, in all clouds.
   bool find_rig = true;
   bool previews = true;  ///< preliminary points at half the resolution, published when the next keyframe arrives
-  /// Maximum memory of images and depth maps, with CUDA of the device [MiB], 1 to 1000000. Must hold keyframes that
-  /// depend on each other, else InvalidOption: 13 to 19 with the presets, each with 50 to 90 bytes per pixel, more if
-  /// images are larger than depth maps.
+  /// Maximum memory of images and depth maps, with CUDA of the device [MiB], 1 to 1000000. Minimum: 13 (kOnline) to 19
+  /// (kHigh) keyframes of 50 to 90 bytes per depth map pixel, more with larger images; else InvalidOption, or an error
+  /// for each keyframe if the size of the depth maps is 0.
   int memory_mib = 2048;
-  /// Maximum number of used keyframes without a depth map, 4 to 100000; beyond it the most redundant ones are dropped.
+  /// Maximum number of accepted keyframes without a depth map, 4 to 100000; beyond it the most redundant ones are dropped.
   int max_waiting = 100;
-  /// Number of newer keyframes after which one with a stable pose is processed, 0 to 1000; 0 = at once. Not for
-  /// previews.
+  /// Minimum number of newer keyframes before a keyframe with a stable pose is processed, 0 to 1000; 0 = at once. Does
+  /// not delay previews.
   int stable_after = 3;
-  /// Number of newer keyframes after which it is processed in any case, `stable_after` to 1000; a third of it if the
-  /// worker is idle.
+  /// Number of newer keyframes after which a keyframe with an unstable pose is processed too, `stable_after` to 1000; a
+  /// third of it if the worker is idle.
   int stable_at_latest = 24;
   /// Maximum translation of a stable pose between two `add`, relative to the median distance of its landmarks, 0 to 1.
+  /// Larger values process keyframes earlier, and some of them twice.
   double stable_move = 0.00012;
   /// Displacement of surface points in source views, by changes of relative pose or scale, above which a depth map is
   /// computed again [px of the depth map], 0.001 to 100. With a baseline of a tenth of the depth, 0.04 px of 640
@@ -135,14 +136,14 @@ struct LiveStats {
 /// Pending work.
 struct LiveBacklog {
   std::int64_t unstable = 0;  ///< keyframes whose poses are not yet stable
-  std::int64_t waiting = 0;   ///< used keyframes without final points
-  std::int64_t refining = 0;  ///< used keyframes with final points that are still improved
+  std::int64_t waiting = 0;   ///< accepted keyframes without final points
+  std::int64_t refining = 0;  ///< accepted keyframes whose final points are still improved
   bool idle = true;           ///< no work until the next call
 };
 
 /// Called on a worker thread. May call all members except `wait` and the destructor; exceptions count as errors.
 struct LiveCallbacks {
-  std::function<void(LiveVersion)> changed;          ///< new version of points
+  std::function<void(LiveVersion)> changed;          ///< version with new points; not for updates of poses
   std::function<void(const std::string&)> on_error;  ///< error message, with the keyframe or device concerned
 };
 
@@ -152,7 +153,7 @@ struct LiveCallbacks {
 /// it, and have no effect if they throw. Snapshots taken after `update`, `sync`, `erase` or `reset` contain its
 /// effect. Work is done by own threads at low priority; results depend on timing.
 ///
-/// If the work falls behind, keyframes get fewer passes, then the most redundant ones are dropped. Skipped passes are
+/// If the work falls behind, keyframes get fewer geometric passes, then the most redundant ones are dropped. Skipped passes are
 /// run when the worker is idle. Scale changes after a monocular loop closure are estimated from baselines and
 /// landmarks; the caller passes poses only.
 class PMSP_API LiveDensifier {
@@ -163,7 +164,8 @@ class PMSP_API LiveDensifier {
   LiveDensifier(const LiveDensifier&) = delete;
   LiveDensifier& operator=(const LiveDensifier&) = delete;
 
-  /// Adds a keyframe with image, ids ascending in time; updates an existing one. Throws InvalidInput as Densifier::add.
+  /// Adds (with image) or updates a keyframe; ids ascending in time, unique in all maps. Throws InvalidInput as
+  /// Densifier::add.
   void add(LiveKeyframe keyframe);
 
   /// Sets pose and map id of existing keyframes, and landmarks unless empty. Ignores unknown ids. Throws InvalidInput.

@@ -13,8 +13,8 @@
 // Conversion of OpenCV images. Header only: the core is built without OpenCV.
 namespace pmsp {
 
-/// Returns an image that shares the pixels of `image` (CV_8UC3 or CV_8UC1), which must not change afterwards. `color`:
-/// channel order of CV_8UC3, by default that of cv::imread. Throws InvalidInput for other types.
+/// Returns an image that shares the pixels of `image` (CV_8UC3 or CV_8UC1); pass a clone() of buffers that are reused.
+/// `color`: channel order of CV_8UC3, by default that of cv::imread. Throws InvalidInput for other types.
 inline LiveImage live_image(const cv::Mat& image, PixelFormat color = PixelFormat::kBgr) {
   if (image.type() != CV_8UC3 && image.type() != CV_8UC1) {
     throw InvalidInput("live_image: an image of type " + std::to_string(image.type()) +

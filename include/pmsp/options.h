@@ -31,7 +31,7 @@ enum class Quality {
 
 constexpr int kMaxDevices = 16;  ///< maximum number of DensifierOptions::devices
 
-/// Options of a Densifier; `preset` returns those of a Quality.
+/// Options of a Densifier, by default those of Quality::kOnline.
 struct PMSP_API DensifierOptions {
   /// Width of the depth maps [px], even, 32 to 16384. 0 = twice the height if that is set, else the width of the
   /// images, at most 5760; image widths below 1440 are enlarged by 1.5, up to 1440.

@@ -110,8 +110,8 @@ constexpr double kMaxScale = 1e3;
 
 /// Pose and unit of a keyframe: a point X of its frame is at world_from_cam * (scale * X). Loop closures change both.
 struct KeyframePose {
-  RigidTransform cam_from_world;  ///< translation in the world's unit
-  double scale = 1.0;             ///< keyframe's unit in world units, 1 / kMaxScale to kMaxScale
+  RigidTransform cam_from_world;  ///< translation [map units]
+  double scale = 1.0;             ///< keyframe's unit in map units, 1 / kMaxScale to kMaxScale
 };
 
 /// Exact equality.
@@ -139,7 +139,7 @@ struct Keyframe {
   std::int64_t id = 0;
   double timestamp = 0.0;              ///< [s]
   RigidTransform cam_from_world;       ///< translation within kMaxPosition [map units]
-  std::vector<Landmark> landmarks;     ///< observed ones
+  std::vector<Landmark> landmarks;     ///< observed; empty = no depth map
   ImageView<const Rgb> image;          ///< even width >= 16, even height >= 8; read only during the call
   ImageView<const std::uint8_t> mask;  ///< 0 = ignored, else used; size of `image`; empty = all used
   /// Depth along the rays from a lidar, a network or another reconstruction [map units]; 0 or not finite = none. At
@@ -164,7 +164,7 @@ struct DepthMap {
   Image<float> depth;
   Image<Eigen::Vector3f> normal;  ///< unit, camera frame, facing the camera; (0, 0, 0) where depth is 0
   /// 0 to 1; 0 where depth is 0. After the consistency filter, a confidence c corresponds to an expected (median)
-  /// relative error of 0.5 % * (1 - c) / c: 0.5 to 0.5 %, 0.8 to 0.13 %, 0.1 to 4.5 %. Before it, if it is disabled or
+  /// relative error of 0.5 % * (1 - c) / c: 4.5 % at 0.1, 0.5 % at 0.5, 0.13 % at 0.8. Before it, if it is disabled or
   /// without other depth maps, the photometric score (NCC).
   Image<float> confidence;
   double scale = 1.0;  ///< the keyframe's unit in map units
@@ -176,7 +176,7 @@ struct CloudPoint {
   Eigen::Vector3f normal = Eigen::Vector3f::Zero();    ///< unit, facing the camera, same frame as `position`
   Rgb color;
   std::uint8_t views = 0;   ///< number of keyframes with agreeing depth maps, saturating at 255
-  float confidence = 0.0F;  ///< 0 to 1
+  float confidence = 0.0F;  ///< 0 to 1, see DepthMap
 };
 
 /// Points of a keyframe in its camera frame: after pose updates only `transform_points` is needed, no matching.
@@ -184,7 +184,7 @@ struct KeyframeCloud {
   std::int64_t keyframe_id = 0;
   RigidTransform cam_from_world;  ///< pose when the keyframe was added
   std::vector<CloudPoint> points;
-  double scale = 1.0;  ///< unit of `points` in world units, see KeyframePose
+  double scale = 1.0;  ///< unit of `points` in map units, see KeyframePose
   KeyframePose pose() const { return {cam_from_world, scale}; }
 
   /// Pixels of the points, row x width + column, ascending; with the keyframe id a persistent key. Empty = unknown.

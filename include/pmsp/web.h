@@ -28,7 +28,7 @@ struct HttpOptions {
   int nice = 0;                                         ///< niceness added to its thread
 };
 
-/// Source of a live map, as the members of LiveDensifier.
+/// Source of a live map, as the members of LiveDensifier. Called on threads of the server, several at once.
 struct LiveSource {
   std::function<LiveChanges(LiveVersion since)> changes_since;
   std::function<std::shared_ptr<const LiveSnapshot>()> snapshot;
@@ -44,7 +44,7 @@ struct LivePlace {
 struct LivePage {
   std::string title = "live map";
   std::string unit;  ///< unit of lengths; "" = map units
-  Similarity file_from_map;
+  Similarity file_from_map;  ///< frame that is shown; identity = that of the SLAM
 };
 
 /// Server of a page that shows a live map. Browsers poll for changes and fetch points by keyframe; the source of the

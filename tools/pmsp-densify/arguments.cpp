@@ -95,7 +95,7 @@ void add_inputs(CLI::App& app, Arguments& a) {
          "Reconstruction in a MAP of several, from 0 [default: the largest]")
       ->type_name("N")
       ->group("Input");
-  app.add_option("--points", a.points, "PLY file with points that are used as landmarks of a MAP without any")
+  app.add_option("--points", a.points, "PLY file of points in the frame of MAP, its landmarks if it has none")
       ->type_name("FILE")
       ->group("Input");
   app.add_option("--image-list", a.image_list,
@@ -185,7 +185,7 @@ void add_outputs(CLI::App& app, Arguments& a) {
 void add_run_outputs(CLI::App& app, Arguments& a) {
   const char* group = "Output";
   add_outputs(app, a);
-  app.add_option("--raw-depth-maps", a.raw_depth_maps, "As --depth-maps, before filtering")
+  app.add_option("--raw-depth-maps", a.raw_depth_maps, "As --depth-maps, before filtering; not with --workspace")
       ->type_name("DIR")
       ->group(group);
   app.add_option_function<std::string>(
@@ -292,7 +292,7 @@ void add_image_inputs(CLI::App& app, Arguments& a) {
       ->group("Input");
   app.add_flag("--no-masks", a.no_masks,
                "Ignore masks that come with the images: alpha channels, masks named in MAP, the directory masks beside "
-               "them, 7_mask.png or 7.mask.png")
+               "them, 7_mask.png or 7.mask.png; the rig is still found")
       ->group("Input");
   app.add_flag("--no-verify", a.no_verify,
                "No checks of the pairing of images with keyframes and of the conventions of MAP")

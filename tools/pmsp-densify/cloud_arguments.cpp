@@ -103,7 +103,7 @@ void add_frame(CLI::App& app, CloudArguments& a) {
   app.add_option(
          "--align", a.frame.align,
          "Aligns the cloud by a similarity to the positions in this table: lines [NAME] x y z X Y Z (point in the map, "
-         "its target), ID X Y Z or IMAGE X Y Z (keyframe, position of its camera), or timestamp tx ty tz qx qy qz qw "
+         "of convert: in IN; its target in metres), ID X Y Z or IMAGE X Y Z (keyframe, position of its camera), or timestamp tx ty tz qx qy qz qw "
          "(TUM trajectory); exif: to the camera positions in the images' EXIF data (GPS), in "
          "metres")
       ->type_name("FILE")
@@ -125,7 +125,7 @@ void add_frame(CLI::App& app, CloudArguments& a) {
       ->group(kFrame);
   app.add_option_function<std::string>(
          "--scale", [&a](const std::string& text) { a.frame.scale = positive_from("--scale", text); },
-         "Metres per map unit, applied last: the cloud is then in metres; 1 if the map is in metres [default: none, "
+         "Metres per unit of the cloud, applied last: the cloud is then in metres; 1 if it is in metres [default: none, "
          "the cloud is in map units]")
       ->type_name("S")
       ->group(kFrame);

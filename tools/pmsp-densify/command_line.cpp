@@ -62,7 +62,7 @@ struct Line {
 
 constexpr Line kVerbs[] = {
     {"run", "", "map and images to a cloud (the default)"},
-    {"info", "", "checks and forecast of a run: put it in front of its words"},
+    {"info", "", "checks and forecast of a run, before its arguments"},
     {"fuse", "", "existing depth maps to a cloud"},
     {"convert", "", "cloud to another format, frame, unit or amount"},
     {"report", "", "page for a browser, of a cloud or a workspace"},
@@ -72,12 +72,12 @@ constexpr Line kVerbs[] = {
     {"config", "", "options in force as JSON, for --config"},
 };
 
-/// Common options of `run` and `fuse`.
+/// Common options of `run`, `fuse` and `info`.
 constexpr Line kCommon[] = {
     {"images", "DIR", "images of the keyframes, by name in MAP, keyframe id, timestamp or frame index"},
     {"video", "FILE", "the video that the SLAM processed, instead of --images"},
     {"fps", "F", "frame rate that turns timestamps into frame indices [default: that of the map]"},
-    {"mask", "FILE|DIR", "black pixels are ignored, in all images or in that of the same name"},
+    {"mask", "FILE|DIR", "image or directory: black is ignored, instead of automatic masks and rig"},
     {"mask-nadir", "DEG", "radius of an ignored cap below the camera"},
     {"no-verify", "", "no check that images, poses and map belong together"},
     {"quality", "NAME", "online (fast, coarse), normal (default), high (size of the images) or paper"},
@@ -85,7 +85,7 @@ constexpr Line kCommon[] = {
     {"backend", "NAME", "auto (default), cpu or cuda"},
     {"device", "N", "CUDA devices, such as 0 or 0,1 or all"},
     {"threads", "N", "threads of the CPU [default: all]"},
-    {"min-confidence", "C", "least confidence of a point, 0 to 1"},
+    {"min-confidence", "C", "least confidence of a point, 0 to 1 [default 0.1; paper 0]"},
     {"output", "FILE", "cloud; several allowed: .ply, .las, .potree and others [default cloud.ply]"},
     {"force", "", "overwrite existing outputs"},
     {"report", "FILE", "page for viewing and measuring (HTML)"},
@@ -179,7 +179,7 @@ std::string short_help() {
   return text +
          wrapped(
              "Exit codes: 0 done, 1 unexpected error, 2 usage, 3 input, 4 backend, 5 no points, 6 output, "
-             "7, 8 some, all missions of a batch failed, 128 + n signal n",
+             "7 some, 8 all missions of a batch failed, 128 + n signal n",
              width, 0) +
          "\n";
 }

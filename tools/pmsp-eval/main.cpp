@@ -36,7 +36,7 @@ void add_common(CLI::App& app, Arguments& a, bool truth_required) {
                      "2 mirroring surface, 3 behind glass, 0 other) for figures by label");
   truth->required(truth_required)->type_name("DIR");
   CLI::Option_group* poses = app.add_option_group("keyframes", "Poses of the keyframes, one of:");
-  poses->add_option("--map", a.common.map, "Map of the keyframes (MessagePack or SQLite)")->type_name("FILE");
+  poses->add_option("--map", a.common.map, "Map of the keyframes, in any format of pmsp-densify")->type_name("FILE");
   poses
       ->add_option("--trajectory", a.common.trajectory,
                    "TUM file, camera to world, in the frame of the result: ts tx ty tz qx qy qz qw")

@@ -70,7 +70,7 @@ void add_scene_options(CLI::App& app, Arguments& arguments) {
       ->capture_default_str()
       ->group(group);
   app.add_option("--keyframes", arguments.recipe.keyframes,
-                 "number of keyframes, at most about ten, in gloss, thin and yard 30")
+                 "number of keyframes, at most those that fit into the scene: about ten; gloss, thin, yard: 30")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str()
       ->group(group);
