@@ -39,7 +39,7 @@ struct Arguments {
   fs::path folder = ".";
   int cores = 1;
   bool keep = false;
-  CloudAmount amount;
+  CloudSelection amount;
 };
 
 /// Returns the view of a keyframe in a corridor with pillars, in camera frame.

@@ -66,9 +66,9 @@ PMSP_HD Agreement<F> agreement(const Vec3<F>& bearing, const F& depth, const Map
   const F along_ray = dot(plane, turned);
   const F rest = F(1) - dot(plane, t);
   const auto valid = (depth_ratio > F(0)) & (along_ray > F(0)) & (rest > F(0));
-  const Vec3<F> batch = cross(turned, t);
+  const Vec3<F> epipolar_normal = cross(turned, t);
   const F square = dot(p, p);
-  const F gain = depth * sqrt(dot(batch, batch)) / max(square, F(1e-30F));
+  const F gain = depth * sqrt(dot(epipolar_normal, epipolar_normal)) / max(square, F(1e-30F));
   const F weight = evidence_weight(F(depth * depth * dot(turned, turned)), square);
   return {select(valid, depth_ratio, F(0)),
           select(valid, rest / select(valid, along_ray, F(1)), F(0)),
@@ -139,9 +139,9 @@ struct Votes {
     square_gain = square_gain + select(near, seen.parallax_gain * seen.parallax_gain, F(0));
   }
   /// `wanted`: number of maps that must agree; if fewer can see the point, all of these, at least one.
-  PMSP_HD MaskOf<F> keep(int wanted) const {
-    const MaskOf<F> enough = agree >= min(F(static_cast<float>(wanted)), max(could_see, F(1)));
-    return wanted == 0 ? enough : enough & (weight_for > weight_against);
+  PMSP_HD MaskOf<F> keep(int min_agreeing) const {
+    const MaskOf<F> enough = agree >= min(F(static_cast<float>(min_agreeing)), max(could_see, F(1)));
+    return min_agreeing == 0 ? enough : enough & (weight_for > weight_against);
   }
 };
 

@@ -48,7 +48,7 @@ constexpr float kMinAgreementScore = 0.39F;
 /// Correction of the expected error for coarse maps, whose planes are farther apart and therefore deviate more than
 /// those of equally accurate finer maps: fourth root of the width over that of the calibration, constant outside the
 /// calibrated range.
-PMSP_HD float share_of_coarse_map(int width) {
+PMSP_HD float width_correction(int width) {
   constexpr float kFitted = 1440.0F;
   constexpr float kCoarsest = 640.0F;
   return sqrt(sqrt(min(max(static_cast<float>(width), kCoarsest), kFitted) / kFitted));
@@ -57,13 +57,13 @@ PMSP_HD float share_of_coarse_map(int width) {
 /// Expected (median) relative error, calibrated with ground truth; large if no map agrees. The remaining spread has
 /// other causes, such as poses. A score (a correlation) of s means noise of (1 - s) / s of the texture's variance: the
 /// error of a measured shift grows with its root, and that of the depth also with the inverse parallax, even if maps
-/// agree because of a prior. `share`: share_of_coarse_map.
+/// agree because of a prior. `correction`: width_correction.
 template <class F>
-PMSP_HD F expected_error(const Evidence<F>& evidence, float share) {
+PMSP_HD F expected_error(const Evidence<F>& evidence, float correction) {
   constexpr float kFloor = 3e-4F;  // of spread and roughness, which may be small by chance
   constexpr float kCalibration = 0.185F;
-  // Pixel of a map of 1440 columns [rad]: coarser maps have finer images and the same accuracy; finer ones have the
-  // same poses.
+  // Angular resolution [rad], that of 1440 columns at any size: coarser maps are matched on finer images, finer ones
+  // are limited by the poses.
   constexpr float kResolved = 0.00436F;
   constexpr float kOfSpread = 0.56F;
   constexpr float kOfNoise = 0.077F;  // [px]
@@ -75,8 +75,8 @@ PMSP_HD F expected_error(const Evidence<F>& evidence, float share) {
   const F mean = sqrt((evidence.roughness + F(kFloor)) * sqrt(spread * resolution));
   const F score = min(max(evidence.score, F(kMinAgreementScore)), F(1));
   const F doubt = F(kTrustedScore) / min(score, F(kTrustedScore));
-  const F error = F(share * kCalibration) * mean * doubt * evidence.maps / agree;
-  const F of_spread = F(share * kOfSpread) * differs;
+  const F error = F(correction * kCalibration) * mean * doubt * evidence.maps / agree;
+  const F of_spread = F(correction * kOfSpread) * differs;
   const F of_noise = F(kOfNoise) * resolution;
   const F square_of_noise = of_noise * of_noise * (F(1) - score) / score;
   return sqrt(fma(error, error, fma(of_spread, of_spread, square_of_noise))) + F(kLeast);
@@ -85,7 +85,7 @@ PMSP_HD F expected_error(const Evidence<F>& evidence, float share) {
 /// Adds the effect of `pose_error` [rad] (Keyframe::pose_error) of both keyframes. It is common to all agreeing maps:
 /// it does not show in their spread, and more maps do not reduce it.
 template <class F>
-PMSP_HD F with_pose_error(const F& error, const F& square_gain, const F& agree, float pose_error) {
+PMSP_HD F add_pose_error(const F& error, const F& square_gain, const F& agree, float pose_error) {
   const F both(2.0F * pose_error * pose_error);
   return sqrt(fma(error, error, both * agree / max(square_gain, F(1e-8F))));
 }
@@ -107,34 +107,34 @@ PMSP_HD F error_of_confidence(const F& confidence) {
 /// Maximum number of maps that a map is compared with.
 constexpr int kMaxCompared = 30;
 
-template <class Views>
+template <class ViewTypes>
 struct ComparedMap {
-  typename Views::Map planes;
+  typename ViewTypes::Map planes;
   Rigid other_from_first;
 };
 
 /// Consistency filter (pmsp::consistency_filter); a stage. Counts pixels with a plane, kept pixels with a depth, kept
 /// far pixels.
-template <class Views>
+template <class ViewTypes>
 struct ConsistencyFilter {
   static constexpr int kCounts = 3;
 
-  typename Views::Map map;
+  typename ViewTypes::Map map;
   GridView grid;
-  ComparedMap<Views> others[kMaxCompared];
+  ComparedMap<ViewTypes> others[kMaxCompared];
   int count;  ///< of `others`; 0 = the filter is disabled
-  int wanted;
+  int min_agreeing;
   float tolerance;
-  float share;        ///< share_of_coarse_map
-  float pose_error;   ///< of `map`'s keyframe [rad]
-  float* confidence;  ///< without pose errors, which a keyframe's pixels have in common; 0 = no depth
-  float* to_report;   ///< with pose errors; nullptr = not needed
+  float width_factor;      ///< width_correction
+  float pose_error;        ///< of `map`'s keyframe [rad]
+  float* confidence;       ///< without pose errors, which a keyframe's pixels have in common; 0 = no depth
+  float* with_pose_error;  ///< with pose errors; nullptr = not needed
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
 
   template <class F>
-  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* counted) const {
+  PMSP_HD void operator()(const RowPixels<F>& at, MaskOf<F>* counted) const {
     const Vec3<F> bearing = bearing_at(grid, at);
     const Surface<F> surface = surface_of(plane_at<F>(map, at.index), bearing);
     const F score = min(score_at<F>(map, at.index), F(1));
@@ -146,7 +146,7 @@ struct ConsistencyFilter {
       const MaskOf<F> thin = kept & is_thin(at, bearing, surface.depth);
       Votes<F> votes;
       for (int k = 0; k < count; ++k) {
-        const ComparedMap<Views>& other = others[k];
+        const ComparedMap<ViewTypes>& other = others[k];
         Agreement<F> seen = agreement(bearing, surface.depth, other.planes, other.other_from_first);
         const MaskOf<F> missed = thin & is_seen_through(seen, tolerance);
         if (any(missed)) {
@@ -158,7 +158,7 @@ struct ConsistencyFilter {
               select(far & (seen.depth_ratio < F(1e3F)), select(seen.depth_ratio > F(0), F(1), F(0)), seen.depth_ratio);
         votes.add(seen, tolerance);
       }
-      kept = kept & votes.keep(wanted);
+      kept = kept & votes.keep(min_agreeing);
       if (any(kept)) {
         const Evidence<F> evidence{votes.square_spread,
                                    votes.square_gain,
@@ -166,13 +166,13 @@ struct ConsistencyFilter {
                                    votes.agree,
                                    F(static_cast<float>(count)),
                                    score};
-        const F error = expected_error(evidence, share);
+        const F error = expected_error(evidence, width_factor);
         found = confidence_of_error(error);
-        reported = confidence_of_error(with_pose_error(error, votes.square_gain, votes.agree, pose_error));
+        reported = confidence_of_error(add_pose_error(error, votes.square_gain, votes.agree, pose_error));
       }
     }
     store<F>(select(kept, found, F(0)), confidence + at.first, at.count);
-    if (to_report != nullptr) store<F>(select(kept, reported, F(0)), to_report + at.first, at.count);
+    if (with_pose_error != nullptr) store<F>(select(kept, reported, F(0)), with_pose_error + at.first, at.count);
     counted[0] = surface.known;
     counted[1] = kept & !far;
     counted[2] = kept & far;
@@ -181,7 +181,7 @@ struct ConsistencyFilter {
  private:
   /// Mean deviation of surrounding planes.
   template <class F>
-  PMSP_HD F roughness(const Place<F>& at, const Vec3<F>& bearing, const F& depth) const {
+  PMSP_HD F roughness(const RowPixels<F>& at, const Vec3<F>& bearing, const F& depth) const {
     F sum(0);
     for (int i = 0; i < kRoughnessOffsets; ++i) {
       int dx = 0;
@@ -195,7 +195,7 @@ struct ConsistencyFilter {
   /// Whether both sides, or above and below, are background. Pixels of the band by which an object is too wide have the
   /// object itself on one side.
   template <class F>
-  PMSP_HD MaskOf<F> is_thin(const Place<F>& at, const Vec3<F>& bearing, const F& depth) const {
+  PMSP_HD MaskOf<F> is_thin(const RowPixels<F>& at, const Vec3<F>& bearing, const F& depth) const {
     const auto lies_behind = [&](int dx, int dy) {
       const F ratio = depth * dot(plane_beside(at, dx, dy), bearing);
       return (ratio > F(0)) & (ratio < F(kBehindThinThing));
@@ -205,8 +205,8 @@ struct ConsistencyFilter {
   }
 
   template <class F>
-  PMSP_HD Vec3<F> plane_beside(const Place<F>& at, int dx, int dy) const {
-    return plane_at<F>(map, index_beside(grid, at, dx, dy));
+  PMSP_HD Vec3<F> plane_beside(const RowPixels<F>& at, int dx, int dy) const {
+    return plane_at<F>(map, wrapped_index(grid, at, dx, dy));
   }
 };
 

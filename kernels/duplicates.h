@@ -50,7 +50,7 @@ struct DuplicateView {
   SurfelView map;
   Rigid other_from_first;  ///< from the first keyframe's unit into the other's: the rotation times `scale_ratio`
   float scale_ratio;       ///< first keyframe's scale / the other's
-  bool before;             ///< at equal ranks, pixels of the other keyframe come first
+  bool precedes;           ///< at equal ranks, pixels of the other keyframe come first
 };
 
 /// Maximum distance of points of the same surface, over the sum of their expected (median) errors.
@@ -59,7 +59,7 @@ constexpr float kSameSurfaceErrors = 4.0F;
 /// Distance of a point from its surface along the normal: expected, and maximum to count as on it.
 template <class F>
 struct SurfaceDistance {
-  F error, most;
+  F error, max;
 };
 template <class F>
 PMSP_HD SurfaceDistance<F> off_surface(const F& depth, const Vec3<F>& normal, const Vec3<F>& bearing,
@@ -91,16 +91,16 @@ PMSP_HD OpenPoint<F> open_point_of(const UIntOf<F>& surfel, const UIntOf<F>& sta
           F(limits.spacing) * footprint, rank(F(map.scale) * footprint, from_uint<F>(level))};
 }
 
-/// Whether pixels of another map at a claim's point may rank higher. `p`: the point in the other's frame.
+/// Whether pixels of another map at an open point may rank higher. `p`: the point in the other's frame.
 template <class F>
 PMSP_HD MaskOf<F> may_rank_higher(const Vec3<F>& p, const F& own_rank, const DuplicateView& other) {
   constexpr float kNearer = 0.9F;  // duplicates are hardly nearer than the point
   return rank(F(kNearer * other.map.scale * pixel_angle(other.map)) * sqrt(dot(p, p)), F(63)) <= own_rank;
 }
 
-/// Projection of a claim's point into another keyframe.
+/// Projection of an open point into another keyframe.
 template <class F>
-struct Approach {
+struct SearchRegion {
   Pixel<F> at;
   F spacing;  ///< search radius for duplicates [px]
 };
@@ -109,22 +109,22 @@ struct Approach {
 constexpr float kMaxReach = 4.0F;
 
 template <class F>
-PMSP_HD Approach<F> approach(const Vec3<F>& p, const F& reach, const DuplicateView& other) {
+PMSP_HD SearchRegion<F> search_region(const Vec3<F>& p, const F& reach, const DuplicateView& other) {
   const F range = sqrt(max(dot(p, p), F(1e-30F)));
   return {project(p, F(static_cast<float>(other.map.width)), F(static_cast<float>(other.map.height))),
           min(F(other.scale_ratio / pixel_angle(other.map)) * reach / range, F(kMaxReach))};
 }
 
-/// Pixels of another map within the search radius of a claim's point: for most points at most one, the pixel that
+/// Pixels of another map within the search radius of an open point: for most points at most one, the pixel that
 /// contains it.
 template <class F>
-struct Within {
+struct PixelsInRadius {
   IntOf<F> column, row;  ///< of the pixel that contains the point
-  MaskOf<F> this_one;    ///< this pixel is the only one
-  MaskOf<F> several;     ///< others are possible; see find_within
+  MaskOf<F> single;      ///< this pixel is the only one
+  MaskOf<F> multiple;    ///< others are possible; see find_within
 };
 template <class F>
-PMSP_HD Within<F> within(const Approach<F>& there, const GridView& grid, int width, int height) {
+PMSP_HD PixelsInRadius<F> pixels_in_radius(const SearchRegion<F>& there, const GridView& grid, int width, int height) {
   const IntOf<F> x = column(there.at.x, width);
   const IntOf<F> y = row(there.at.y, height);
   const F dx = from_int<F>(x) + F(0.5F) - there.at.x;
@@ -133,27 +133,27 @@ PMSP_HD Within<F> within(const Approach<F>& there, const GridView& grid, int wid
   const F reach = sqrt(max(square, F(0))) / gather<F>(grid.cos_lat, y);
   const MaskOf<F> one = (there.spacing < F(0.5F)) & (reach < F(0.5F));
   const MaskOf<F> more = (there.spacing >= F(0.5F)) | (reach >= F(0.5F));
-  const MaskOf<F> this_one = one & (square >= F(0)) & (abs(dx) <= reach);
-  return {x, y, this_one, more};
+  const MaskOf<F> single = one & (square >= F(0)) & (abs(dx) <= reach);
+  return {x, y, single, more};
 }
 
-/// Whether a kept or open pixel of another map is a duplicate of a claim. `p`: the claim's point in the other's frame.
+/// Whether a kept or open pixel of another map is a duplicate of an open point. `p`: the point in the other's frame.
 template <class F>
 PMSP_HD MaskOf<F> is_duplicate(const UIntOf<F>& surfel, const UIntOf<F>& status, const Vec3<F>& bearing,
-                               const Vec3<F>& p, const Vec3<F>& claim_normal, const SurfaceDistance<F>& claim_off,
-                               const F& claim_rank, const DuplicateView& other, const DuplicateLimits& limits) {
+                               const Vec3<F>& p, const Vec3<F>& open_normal, const SurfaceDistance<F>& open_off,
+                               const F& open_rank, const DuplicateView& other, const DuplicateLimits& limits) {
   const F depth = depth_of_surfel<F>(surfel);
   const UIntOf<F> level = status >> 2;
   const F own_rank = rank(F(other.map.scale * pixel_angle(other.map)) * depth, from_uint<F>(level));
   const Vec3<F> there = normal_of_surfel<F>(surfel);
-  const Vec3<F> normal = F(1.0F / other.scale_ratio) * rotate(other.other_from_first, claim_normal);
+  const Vec3<F> normal = F(1.0F / other.scale_ratio) * rotate(other.other_from_first, open_normal);
   const Vec3<F> apart = depth * bearing - p;
   const SurfaceDistance<F> off =
       off_surface(depth, there, bearing, confidence_of_level<F>(level), limits.max_relative_depth);
-  const F tolerance = min(F(kSameSurfaceErrors) * fma(F(other.scale_ratio), claim_off.error, off.error),
-                          max(F(other.scale_ratio) * claim_off.most, off.most));
+  const F tolerance = min(F(kSameSurfaceErrors) * fma(F(other.scale_ratio), open_off.error, off.error),
+                          max(F(other.scale_ratio) * open_off.max, off.max));
   // Ranks are whole numbers.
-  return (own_rank < claim_rank + F(other.before ? 0.5F : -0.5F)) & (dot(there, normal) >= F(limits.min_cos_normals)) &
+  return (own_rank < open_rank + F(other.precedes ? 0.5F : -0.5F)) & (dot(there, normal) >= F(limits.min_cos_normals)) &
          (min(abs(dot(apart, there)), abs(dot(apart, normal))) <= tolerance);
 }
 
@@ -175,7 +175,7 @@ struct DuplicateRound {
 /// Free-space test of a pixel's point; a stage. Viewers confirm or contradict it, the keyframe itself confirms, each
 /// with its weight (evidence_weight). The confidence becomes that of the map times the confirming share. Mirror images
 /// are removed. Counts remaining points.
-struct Eligibility {
+struct FreeSpaceTest {
   static constexpr int kCounts = 1;
 
   const std::uint32_t* surfels;
@@ -192,7 +192,7 @@ struct Eligibility {
   PMSP_HD int height() const { return grid.height; }
 
   template <class F>
-  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* counted) const {
+  PMSP_HD void operator()(const RowPixels<F>& at, MaskOf<F>* counted) const {
     const F depth = depth_of_surfel<F>(gather_words<F>(surfels, at.index));
     const MaskOf<F> known = depth > F(0);
     counted[0] = known;

@@ -13,9 +13,9 @@
 namespace pmsp::kernels {
 
 /// Map of the fusion window.
-template <class Views>
+template <class ViewTypes>
 struct FusionView {
-  FilteredMap<typename Views::Map> map;
+  FilteredMap<typename ViewTypes::Map> map;
   const std::uint32_t* color;  ///< per pixel red, green, blue, from the lowest byte
   Rigid other_from_first;      ///< from the first keyframe's unit into the other's: the rotation times `scale_ratio`
   float scale_ratio;           ///< first keyframe's scale / the other's
@@ -57,13 +57,13 @@ struct ConstSurfelArrays {
 };
 
 /// Fuses the pixels of a keyframe; a stage. Counts points.
-template <class Views>
+template <class ViewTypes>
 struct FusePixels {
   static constexpr int kCounts = 1;
 
-  FusionView<Views> first;
+  FusionView<ViewTypes> first;
   GridView grid;
-  FusionView<Views> others[kMaxAgree];
+  FusionView<ViewTypes> others[kMaxAgree];
   int count;  ///< of `others`
   FusionLimits limits;
   float pose_error;  ///< of the first map's keyframe [rad]; not yet in the confidences, added to those of the points
@@ -73,7 +73,7 @@ struct FusePixels {
   PMSP_HD int height() const { return grid.height; }
 
   template <class F>
-  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* counted) const {
+  PMSP_HD void operator()(const RowPixels<F>& at, MaskOf<F>* counted) const {
     using U = UIntOf<F>;
     const Vec3<F> bearing = bearing_at(grid, at);
     const Vec3<F> found = plane_at<F>(first.map, at.index);
@@ -95,7 +95,7 @@ struct FusePixels {
     F maps(0);
     F square_gain(0);
     for (int k = 0; k < count; ++k) {
-      const FusionView<Views>& other = others[k];
+      const FusionView<ViewTypes>& other = others[k];
       const Agreement<F> seen = agreement(bearing, depth, other.map, other.other_from_first);
       const MaskOf<F> near = known & (abs(seen.depth_ratio - F(1)) <= F(limits.max_relative_depth));
       if (!any(near)) continue;
@@ -118,7 +118,7 @@ struct FusePixels {
     const F share = F(1) / weights;
     F reported = confidence;
     if (pose_error > 0.0F) {
-      reported = confidence_of_error(with_pose_error(error_of_confidence(confidence), square_gain, maps, pose_error));
+      reported = confidence_of_error(add_pose_error(error_of_confidence(confidence), square_gain, maps, pose_error));
     }
     const PackedPoint<U> point = pack_point(F(depths * share), normalized(normals), Vec3<F>(share * colors), reported);
     put(at, {select_bits<F>(known, point.surfel), select_bits<F>(known, point.detail)},
@@ -127,7 +127,7 @@ struct FusePixels {
 
  private:
   template <class F>
-  PMSP_HD void put(const Place<F>& at, const PackedPoint<UIntOf<F>>& point, const UIntOf<F>& status,
+  PMSP_HD void put(const RowPixels<F>& at, const PackedPoint<UIntOf<F>>& point, const UIntOf<F>& status,
                    const UIntOf<F>& agree) const {
     store<F>(point.surfel, to.surfels + at.first, at.count);
     store<F>(point.detail, to.details + at.first, at.count);
@@ -150,7 +150,7 @@ PMSP_HD EmittedPoint emitted_point(const ConstSurfelArrays& map, const GridView&
   EmittedPoint point{};
   point.position =
       depth_of_surfel<float>(packed.surfel) * bearing_at<float>(grid, pixel % grid.width, pixel / grid.width);
-  point.position.z += of_lens(point.position.z, map.lens);
+  point.position.z += signed_lens_offset(point.position.z, map.lens);
   point.normal = normal_of(packed);
   for (unsigned i = 0; i < 3; ++i) point.color[i] = static_cast<std::uint8_t>(packed.detail >> (8U * i));
   point.confidence = confidence_of_level<float>(static_cast<std::uint32_t>(map.statuses[pixel]) >> 2U);

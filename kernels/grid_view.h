@@ -21,9 +21,9 @@ PMSP_HD Vec3<F> bearing_at(const GridView& grid, const IntOf<F>& column, const I
                  gather<F>(grid.cos_lat, row));
 }
 
-/// Checkerboard order of PatchMatch: of each row the pixels of colour 0, then those of colour 1; colour = (x + y) mod
-/// 2. The k-th pixel of colour c in row y is x = 2 k + (y + c) mod 2. ring_index: of the first pixel of a colour in a
-/// row.
+/// Checkerboard order: each row stores its pixels of colour 0, then those of colour 1; colour = (x + y) mod 2. The
+/// pixels of one colour in a row are a ring, since columns wrap around. Pixel k of a ring is x = 2 k + (y + colour)
+/// mod 2. ring_index: index of a ring's first pixel.
 PMSP_HD std::size_t ring_index(int width, int y, int colour) {
   return (static_cast<std::size_t>(y) * 2 + static_cast<std::size_t>(colour)) * static_cast<std::size_t>(width / 2);
 }
@@ -34,11 +34,11 @@ PMSP_HD std::size_t checkerboard_index(int width, int x, int y) {
 /// Column and row of the pixel at offset (dx, dy); beyond a pole the image continues on the opposite meridian. |dx| <
 /// width, |dy| < height.
 template <class F>
-struct Beside {
+struct WrappedPixel {
   IntOf<F> column, row;
 };
 template <class F>
-PMSP_HD Beside<F> beside(const GridView& grid, const IntOf<F>& column, int row, int dx, int dy) {
+PMSP_HD WrappedPixel<F> wrapped_pixel(const GridView& grid, const IntOf<F>& column, int row, int dx, int dy) {
   const int y = row + dy;
   const bool beyond = y < 0 || y >= grid.height;
   const int there = y < 0 ? -1 - y : beyond ? 2 * grid.height - 1 - y : y;

@@ -31,7 +31,7 @@ struct SplatLandmarks {
   Keys keys;  ///< per pixel, initially kNoKey
 
   /// Landmark i; part `part` of `parts` of its columns.
-  PMSP_HD void operator()(int i, int part, int parts) const {
+  PMSP_HD void operator()(int i, int thread, int threads) const {
     const SparsePoint point = points[i];
     const int y0 = static_cast<int>(max(0.0F, ::floorf(point.y - radius_px)));
     const int y1 = static_cast<int>(min(static_cast<float>(grid.height - 1), ::floorf(point.y + radius_px)));
@@ -40,23 +40,23 @@ struct SplatLandmarks {
       const float narrowing = max(grid.cos_lat[y], 1e-3F);
       const float reach = min(radius_px / narrowing, 0.5F * static_cast<float>(grid.width) - 1.0F);
       const int last = static_cast<int>(::floorf(point.x + reach));
-      for (int column = static_cast<int>(::floorf(point.x - reach)) + part; column <= last; column += parts) {
+      for (int column = static_cast<int>(::floorf(point.x - reach)) + thread; column <= last; column += threads) {
         const float dx = (static_cast<float>(column) + 0.5F - point.x) * narrowing;
         const float distance = dx * dx + dy * dy;
         if (distance > radius_px * radius_px) continue;
-        offer(keys, y * grid.width + (column + grid.width) % grid.width,
-              init_key(distance, static_cast<std::uint32_t>(i)));
+        atomic_min_key(keys, y * grid.width + (column + grid.width) % grid.width,
+                       init_key(distance, static_cast<std::uint32_t>(i)));
       }
     }
   }
 };
 
 /// Warps the pixels of a map into another keyframe; a stage over the map.
-template <class Views, class Keys>
+template <class ViewTypes, class Keys>
 struct WarpPixels {
   static constexpr int kCounts = 0;
 
-  typename Views::Map map;
+  typename ViewTypes::Map map;
   GridView grid;  ///< of the map
   Rigid other_from_map;
   int other_width, other_height;
@@ -65,13 +65,13 @@ struct WarpPixels {
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
 
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
     const Vec3<float> bearing = bearing_at(grid, at);
     const Surface<float> surface = surface_of(plane_at<float>(map, at.index), bearing);
     if (!surface.known) return;
     const Vec3<float> p = transform(other_from_map, surface.depth * bearing);
-    offer(keys, pixel_index(p, other_width, other_height),
-          init_key(sqrt(dot(p, p)), static_cast<std::uint32_t>(at.index)));
+    atomic_min_key(keys, pixel_index(p, other_width, other_height),
+                   init_key(sqrt(dot(p, p)), static_cast<std::uint32_t>(at.index)));
   }
 };
 
@@ -105,18 +105,18 @@ PMSP_HD Vec3<F> plane_at(const WarpedPlanes<Map>& planes, int pixel) {
 }
 
 /// Writes the planes selected by keys to a map; a stage. Scores are 0.
-template <class Views, class Source>
+template <class ViewTypes, class Source>
 struct PlanesOfKeys {
   static constexpr int kCounts = 0;
 
   Source source;  ///< LandmarkPlanes or WarpedPlanes
   GridView grid;
-  typename Views::Planes to;
+  typename ViewTypes::Planes to;
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
 
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
     put(to, static_cast<std::size_t>(at.first), 1, Hypothesis<float>{plane_at<float>(source, at.index), 0.0F});
   }
 };

@@ -12,34 +12,34 @@ namespace pmsp::kernels {
 /// Score bonus for agreement with a prior plane. Without texture, photometric scores are noise and highest for an
 /// arbitrary plane; with texture, the bonus is too small to hide a wrong prior.
 struct PriorBonus {
-  float most;       ///< for exact agreement
-  float far;        ///< for exact agreement with a far prior
+  float max;        ///< for exact agreement
+  float max_far;    ///< for exact agreement with a far prior
   float tolerance;  ///< relative depth difference from which on the bonus is 0
 };
 template <class F>
 PMSP_HD F prior_score(const F& prior, const F& inverse_depth, const PriorBonus& bonus) {
   const auto known = prior > F(0);
   const F off = abs(inverse_depth / select(known, prior, F(1)) - F(1)) * F(1.0F / bonus.tolerance);
-  return select(known, select(is_far(prior), F(bonus.far), F(bonus.most)) * max(F(1) - off, F(0)), F(0));
+  return select(known, select(is_far(prior), F(bonus.max_far), F(bonus.max)) * max(F(1) - off, F(0)), F(0));
 }
 
 /// Input common to all pixels of a keyframe.
 template <class Cube>
-struct Matching {
+struct MatchArgs {
   Cube reference;
   SourceView<Cube> views[kMaxViews];
   int num_views;
-  PatchLayout layout;
+  PatchParams params;
   PlaneLimits limits;
   float log_depth_span;  ///< ln(largest depth / smallest depth)
   RandomKey random;
-  int refinements;  ///< random proposals per visit
+  int refinements;  ///< random hypotheses per pixel and iteration
   PriorBonus bonus;
 };
 
-/// Data of one visit to a pixel, computed once for all proposals.
+/// Data of a pixel in one iteration, common to all hypotheses.
 template <class F, class Patch = ReferencePatch<F>>
-struct Visit {
+struct PixelContext {
   PatchFrame<F> frame;
   Patch patch;
   ViewWeights<F> weights;
@@ -48,29 +48,31 @@ struct Visit {
 
 /// Chooses the fine patch, which keeps edges in place, if its variance suffices, else the coarse one.
 template <class F, class Patch, class Cube>
-PMSP_HD void begin_visit(Visit<F, Patch>& visit, const Matching<Cube>& m, const F& sin_lon, const F& cos_lon,
-                         const F& sin_lat, const F& cos_lat) {
-  const F fine(m.layout.fine_spacing);
-  visit.frame = patch_frame(sin_lon, cos_lon, sin_lat, cos_lat, fine);
-  take_patch(visit.patch, m.reference, visit.frame, m.layout, fine > F(0));
-  const MaskOf<F> textured = visit.patch.variance > F(m.layout.fine_variance);
+PMSP_HD void load_context(PixelContext<F, Patch>& context, const MatchArgs<Cube>& m, const F& sin_lon, const F& cos_lon,
+                          const F& sin_lat, const F& cos_lat) {
+  const F fine_spacing(m.params.fine_spacing);
+  const MaskOf<F> all_fine = fine_spacing > F(0);
+  context.frame = patch_frame(sin_lon, cos_lon, sin_lat, cos_lat, fine_spacing);
+  load_patch(context.patch, m.reference, context.frame, m.params, all_fine);
+  const MaskOf<F> textured = context.patch.variance > F(m.params.fine_variance);
   if (!all(textured)) {
-    const F spacing = select(textured, fine, F(m.layout.spacing));
-    visit.frame = patch_frame(sin_lon, cos_lon, sin_lat, cos_lat, spacing);
-    take_patch(visit.patch, m.reference, visit.frame, m.layout, textured);
+    const F spacing = select(textured, fine_spacing, F(m.params.spacing));
+    context.frame = patch_frame(sin_lon, cos_lon, sin_lat, cos_lat, spacing);
+    load_patch(context.patch, m.reference, context.frame, m.params, textured);
   }
 }
 
 /// Scores a plane and keeps it if it is allowed and better. `weigh`: it is the pixel's current plane, which determines
 /// the weights of the views.
 template <class F, class Patch, class Cube>
-PMSP_HD void propose(Hypothesis<F>& best, const Vec3<F>& plane, Visit<F, Patch>& visit, const Matching<Cube>& m,
-                     bool weigh) {
-  const auto allowed = is_allowed(plane, visit.frame.bearing, m.limits);
+PMSP_HD void propose(Hypothesis<F>& best, const Vec3<F>& plane, PixelContext<F, Patch>& context,
+                     const MatchArgs<Cube>& m, bool weigh) {
+  const auto allowed = is_allowed(plane, context.frame.bearing, m.limits);
   if (!any(allowed)) return;
-  const F score = plane_score(visit.patch, visit.frame, m.views, m.num_views, plane, m.layout, visit.weights, weigh) +
-                  prior_score(visit.prior, dot(plane, visit.frame.bearing), m.bonus);
-  if (weigh && !all(allowed)) weigh_only(visit.weights, allowed);
+  const F score =
+      plane_score(context.patch, context.frame, m.views, m.num_views, plane, m.params, context.weights, weigh) +
+      prior_score(context.prior, dot(plane, context.frame.bearing), m.bonus);
+  if (weigh && !all(allowed)) keep_weights_where(context.weights, allowed);
   const auto better = allowed & (score > best.score);
   best.plane = select(better, plane, best.plane);
   best.score = select(better, score, best.score);
@@ -81,7 +83,7 @@ constexpr std::uint32_t kDrawsPerProposal = 4;
 
 /// Random initial plane of a pixel.
 template <class F, class Cube>
-PMSP_HD Vec3<F> random_start(const UIntOf<F>& pixel, const Vec3<F>& bearing, const Matching<Cube>& m) {
+PMSP_HD Vec3<F> random_start(const UIntOf<F>& pixel, const Vec3<F>& bearing, const MatchArgs<Cube>& m) {
   return random_plane<F>(m.random, pixel, 0, bearing, m.limits, m.log_depth_span);
 }
 
@@ -89,7 +91,7 @@ PMSP_HD Vec3<F> random_start(const UIntOf<F>& pixel, const Vec3<F>& bearing, con
 /// shrink from draw to draw, and over the first iterations.
 template <class F, class Cube>
 PMSP_HD Vec3<F> refined(const Hypothesis<F>& best, const UIntOf<F>& pixel, int iteration, int draw,
-                        const Vec3<F>& bearing, const Matching<Cube>& m) {
+                        const Vec3<F>& bearing, const MatchArgs<Cube>& m) {
   float depth_step = 0.06F / static_cast<float>(1 << (iteration < 3 ? iteration : 3));
   float normal_step = 15.0F * depth_step;
   for (int i = 0; i < draw; ++i) {
@@ -115,8 +117,7 @@ PMSP_HD NeighbourOffset neighbour_offset(int i) {
   return {dx, dy};
 }
 
-/// Number of neighbours' planes per visit: of each opposite pair the better one (after Xu and Tao 2019). Testing more
-/// of them gains less than more iterations.
+/// Number of neighbours' planes tested per iteration: the better one of each opposite pair (Xu and Tao 2019).
 constexpr int kNeighbours = kNeighbourOffsets / 2;
 
 /// Candidate i. `at(offset)`: hypothesis of the neighbour.
@@ -148,18 +149,18 @@ PMSP_HD NeighbourRing neighbour_ring(int width, int height, int y, int colour, i
 }
 
 /// Reorders planes from row order to checkerboard order (grid_view.h), or back; a stage.
-template <class Views>
+template <class ViewTypes>
 struct ReorderPlanes {
   static constexpr int kCounts = 0;
 
-  typename Views::Map from;
-  typename Views::Planes to;
+  typename ViewTypes::Map from;
+  typename ViewTypes::Planes to;
   bool to_rows;
 
   PMSP_HD int width() const { return from.width; }
   PMSP_HD int height() const { return from.height; }
 
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
     const std::size_t in_rows = static_cast<std::size_t>(at.index);
     const std::size_t in_colours = checkerboard_index(from.width, at.column, at.row);
     const int source = static_cast<int>(to_rows ? in_colours : in_rows);
@@ -168,23 +169,23 @@ struct ReorderPlanes {
   }
 };
 
-/// Subtracts the bonus of priors from the scores (pmsp::subtract_priors): maps that agree with a prior share its
-/// error, and their scores must not hide a lack of image evidence. A stage; `to` may be `map`.
-template <class Views>
+/// Subtracts the prior bonus from the scores, which then are image evidence only (pmsp::subtract_priors). A stage; `to`
+/// may be `map`.
+template <class ViewTypes>
 struct ScoresWithoutPriors {
   static constexpr int kCounts = 0;
 
-  typename Views::Map map;
-  typename Views::Map priors;
+  typename ViewTypes::Map map;
+  typename ViewTypes::Map priors;
   GridView grid;
   PriorBonus bonus;
-  typename Views::Planes to;
+  typename ViewTypes::Planes to;
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
 
   template <class F>
-  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<F>& at, MaskOf<F>* /*counted*/) const {
     const Vec3<F> bearing = bearing_at(grid, at);
     const Vec3<F> plane = plane_at<F>(map, at.index);
     const F added = prior_score(dot(plane_at<F>(priors, at.index), bearing), dot(plane, bearing), bonus);
@@ -193,7 +194,7 @@ struct ScoresWithoutPriors {
   }
 };
 
-/// Pixel of one colour in a visit; for a batch, the first of consecutive pixels of the row's ring.
+/// Consecutive pixels of a ring (grid_view.h), one per lane.
 template <class F>
 struct PixelBatch {
   int y, colour, k;
@@ -203,70 +204,71 @@ struct PixelBatch {
 };
 
 /// Pass of PatchMatch over a keyframe. `State`: its pixels in checkerboard order (grid_view.h).
-template <class Views>
+template <class ViewTypes>
 struct PatchMatchPass {
-  Matching<typename Views::Cube> matching;
+  MatchArgs<typename ViewTypes::Cube> match_args;
   GridView grid;
-  typename Views::State state;
-  typename Views::Mask mask;
-  typename Views::Map priors;           ///< prior planes; empty = none
-  typename Views::Landmarks landmarks;  ///< initial planes; empty = none
-  typename Views::Warped warped;
+  typename ViewTypes::State state;
+  typename ViewTypes::Mask mask;
+  typename ViewTypes::Map priors;           ///< prior planes; empty = none
+  typename ViewTypes::Landmarks landmarks;  ///< initial planes; empty = none
+  typename ViewTypes::Warped warped;
 
   /// Initial planes: random ones, those of landmarks, and those of the previous keyframe.
   template <class F, class Patch>
-  PMSP_HD void start(Visit<F, Patch>& visit, const PixelBatch<F>& batch) const {
+  PMSP_HD void start(PixelContext<F, Patch>& context, const PixelBatch<F>& batch) const {
     Hypothesis<F> best{{F(0), F(0), F(0)}, F(-1)};
-    const MaskOf<F> usable = is_usable<F>(mask, batch.index);
-    if (any(usable)) {
-      begin(visit, batch);
-      const Vec3<F> first = random_start<F>(as_uint<F>(batch.index), visit.frame.bearing, matching);
+    const MaskOf<F> unmasked = is_unmasked<F>(mask, batch.index);
+    if (any(unmasked)) {
+      begin(context, batch);
+      const Vec3<F> first = random_start<F>(as_uint<F>(batch.index), context.frame.bearing, match_args);
       PMSP_ROLL
       for (int kind = 0; kind < 3; ++kind) {
         propose(best,
                 kind == 0   ? first
                 : kind == 1 ? proposed(landmarks, batch)
                             : proposed(warped, batch),
-                visit, matching, false);
+                context, match_args, false);
       }
     }
-    keep(best, usable, batch);
+    keep(best, unmasked, batch);
   }
 
   /// Propagation and refinement. The pixel's current plane comes first, since it determines the weights of the views.
   /// `rescore`: the planes have no valid scores yet.
   template <class F, class Patch>
-  PMSP_HD void iterate(Visit<F, Patch>& visit, const PixelBatch<F>& batch, int iteration, bool rescore) const {
-    const MaskOf<F> usable = is_usable<F>(mask, batch.index);
-    if (!any(usable)) return;
-    begin(visit, batch);
+  PMSP_HD void iterate(PixelContext<F, Patch>& context, const PixelBatch<F>& batch, int iteration, bool rescore) const {
+    const MaskOf<F> unmasked = is_unmasked<F>(mask, batch.index);
+    if (!any(unmasked)) return;
+    begin(context, batch);
     const int half = grid.width / 2;
     const auto neighbour_at = [&](const NeighbourOffset& offset) {
       const NeighbourRing from = neighbour_ring(grid.width, grid.height, batch.y, batch.colour, offset.dx, offset.dy);
       return in_ring<F>(state, ring_index(grid.width, from.y, 1 - batch.colour), batch.k + from.shift, half);
     };
     const Hypothesis<F> before = in_ring<F>(state, batch.ring, batch.k, half);
-    const bool own = rescore || matching.num_views >= kLeastWeighedViews;
+    const bool rescores_current = rescore || match_args.num_views >= kMinWeightedViews;
     Hypothesis<F> best = before;
-    if (own) best = {{F(0), F(0), F(0)}, F(-1)};
+    if (rescores_current) best = {{F(0), F(0), F(0)}, F(-1)};
     PMSP_ROLL
-    for (int i = own ? -2 : 0; i < kNeighbours + matching.refinements; ++i) {
-      if (i == -1 && !rescore) continue;
+    constexpr int kCurrentPlane = -2, kPriorPlane = -1;
+    for (int i = rescores_current ? kCurrentPlane : 0; i < kNeighbours + match_args.refinements; ++i) {
+      if (i == kPriorPlane && !rescore) continue;
       Vec3<F> plane;
       if (i < 0) {
-        plane = i == -2 ? before.plane : proposed(priors, batch);
+        plane = i == kCurrentPlane ? before.plane : proposed(priors, batch);
       } else if (i < kNeighbours) {
         plane = neighbour_plane<F>(i, neighbour_at);
       } else {
-        plane = refined(best, as_uint<F>(batch.index), iteration, i - kNeighbours, visit.frame.bearing, matching);
+        plane = refined(best, as_uint<F>(batch.index), iteration, i - kNeighbours, context.frame.bearing, match_args);
       }
-      propose(best, plane, visit, matching, i == -2);
+      propose(best, plane, context, match_args, i == kCurrentPlane);
     }
-    keep(best, usable, batch);
+    keep(best, unmasked, batch);
   }
 
  private:
-  /// The zero plane is no proposal.
+  /// Returns the proposed plane; zero = none.
   template <class F, class Planes>
   PMSP_HD static Vec3<F> proposed(const Planes& planes, const PixelBatch<F>& batch) {
     if (is_empty(planes)) return {F(0), F(0), F(0)};
@@ -274,18 +276,18 @@ struct PatchMatchPass {
   }
 
   template <class F, class Patch>
-  PMSP_HD void begin(Visit<F, Patch>& visit, const PixelBatch<F>& batch) const {
-    begin_visit(visit, matching, gather<F>(grid.sin_lon, batch.column), gather<F>(grid.cos_lon, batch.column),
-                F(grid.sin_lat[batch.y]), F(grid.cos_lat[batch.y]));
-    weigh_alike(visit.weights);
-    visit.prior = dot(proposed(priors, batch), visit.frame.bearing);
+  PMSP_HD void begin(PixelContext<F, Patch>& context, const PixelBatch<F>& batch) const {
+    load_context(context, match_args, gather<F>(grid.sin_lon, batch.column), gather<F>(grid.cos_lon, batch.column),
+                 F(grid.sin_lat[batch.y]), F(grid.cos_lat[batch.y]));
+    set_equal_weights(context.weights);
+    context.prior = dot(proposed(priors, batch), context.frame.bearing);
   }
 
   template <class F>
-  PMSP_HD void keep(const Hypothesis<F>& best, const MaskOf<F>& usable, const PixelBatch<F>& batch) const {
+  PMSP_HD void keep(const Hypothesis<F>& best, const MaskOf<F>& unmasked, const PixelBatch<F>& batch) const {
     const Vec3<F> none{F(0), F(0), F(0)};
     put(state, batch.ring + static_cast<std::size_t>(batch.k), batch.count,
-        Hypothesis<F>{select(usable, best.plane, none), select(usable, best.score, F(-1))});
+        Hypothesis<F>{select(unmasked, best.plane, none), select(unmasked, best.score, F(-1))});
   }
 };
 

@@ -49,23 +49,23 @@ PMSP_HD F median_filtered(F* around, const F& score, const F& max_relative_devia
 }
 
 /// Median filter (pmsp::median_filter); a stage. Counts unmasked pixels, pixels with a plane, kept ones.
-template <class Views>
+template <class ViewTypes>
 struct MedianFilter {
   static constexpr int kCounts = 3;
 
-  typename Views::Map map;
+  typename ViewTypes::Map map;
   GridView grid;
-  typename Views::Mask mask;
+  typename ViewTypes::Mask mask;
   bool enabled;
   float max_relative_deviation;
   float min_score;
-  typename Views::Planes to;
+  typename ViewTypes::Planes to;
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
 
   template <class F>
-  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* counted) const {
+  PMSP_HD void operator()(const RowPixels<F>& at, MaskOf<F>* counted) const {
     const Vec3<F> plane = plane_at<F>(map, at.index);
     const Surface<F> own = surface_of(plane, bearing_at(grid, at));
     const F score = max(score_at<F>(map, at.index), F(0));
@@ -74,7 +74,7 @@ struct MedianFilter {
       F around[9];
       for (int dy = -1; dy <= 1; ++dy) {
         for (int dx = -1; dx <= 1; ++dx) {
-          const Beside<F> there = beside<F>(grid, at.column, at.row, dx, dy);
+          const WrappedPixel<F> there = wrapped_pixel<F>(grid, at.column, at.row, dx, dy);
           const Surface<F> surface = surface_of(plane_at<F>(map, there.row * IntOf<F>(grid.width) + there.column),
                                                 bearing_at<F>(grid, there.column, there.row));
           around[3 * dy + dx + 4] = select(surface.known, surface.depth, F(0));
@@ -85,7 +85,7 @@ struct MedianFilter {
     const Vec3<F> none{F(0), F(0), F(0)};
     put(to, static_cast<std::size_t>(at.first), at.count,
         Hypothesis<F>{select(kept, plane, none), select(kept, score, F(0))});
-    counted[0] = is_usable<F>(mask, at.index);
+    counted[0] = is_unmasked<F>(mask, at.index);
     counted[1] = own.known;
     counted[2] = kept;
   }

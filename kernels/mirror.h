@@ -9,12 +9,10 @@
 #include "surfel.h"
 #include "wide_plane.h"
 
-// Mirrors: planes that a keyframe sees through where others confirm a surface. A polished floor shows the room upside
-// down, and keyframes agree on the depths of the mirror image. Two properties reveal such a plane: some of a keyframe's
-// points behind it lie behind points of other keyframes on the plane, and many are mirror images of points of others in
-// front of it. A window or a door has the second one at most (rooms are alike), a fence the first one. A plane with a
-// camera behind it is no mirror. Behind a mirror, mirror images are removed, and points next to confirmed parts of the
-// mirror's surface.
+// A mirror is a wide plane with (1) points behind it that lie behind other keyframes' points on the plane, and (2) many
+// points behind it that mirror other keyframes' points in front, such as a polished floor. Windows and doors have at
+// most (2), fences (1). A plane with a camera behind it is no mirror. Behind a mirror, mirror images are removed, and
+// points next to confirmed parts of its surface.
 //
 // Evidence is gathered for every other pixel of every other row: per cell of the range maps.
 namespace pmsp::kernels {
@@ -52,7 +50,7 @@ struct FindMirrored {
   PMSP_HD int height() const { return grid.height / kRangeCell; }
 
   template <class F>
-  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<F>& at, MaskOf<F>* /*counted*/) const {
     using U = UIntOf<F>;
     const IntOf<F> column = at.column * IntOf<F>(kRangeCell);
     const IntOf<F> row(at.row * kRangeCell);
@@ -85,12 +83,12 @@ struct FindMirrored {
 struct ConfirmMirrors {
   static constexpr int kCounts = 0;
 
-  struct Witness {
+  struct ViewerRanges {
     RangeMapView ranges;
     Rigid first_from_other;
   };
   GridView grid;  ///< of the pixels
-  Witness viewers[kMaxViewers];
+  ViewerRanges viewers[kMaxViewers];
   int count;
   const WidePlane* planes;
   const std::uint32_t* evidence;
@@ -101,11 +99,11 @@ struct ConfirmMirrors {
   PMSP_HD int height() const { return count * cell_rows(); }
 
   template <class F>
-  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<F>& at, MaskOf<F>* /*counted*/) const {
     constexpr float kOneSurface = 1.1F;  // maximum ratio of depths in a cell
     using U = UIntOf<F>;
     using I = IntOf<F>;
-    const Witness& viewer = viewers[at.row / cell_rows()];
+    const ViewerRanges& viewer = viewers[at.row / cell_rows()];
     const int cell_row = at.row % cell_rows();
     const I cell = I(cell_row * width()) + at.column;
     const F nearest = gather<F>(viewer.ranges.nearest, cell);
@@ -158,7 +156,7 @@ struct CountMirrored {
   PMSP_HD int width() const { return kCountColumns; }
   PMSP_HD int height() const { return grid.height / kRangeCell; }
 
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
     const int columns = grid.width / kRangeCell;
     const int weight = static_cast<int>(kWeight * grid.cos_lat[at.row * kRangeCell]);
     MirrorCounts own{};
@@ -191,7 +189,7 @@ struct SumMirrored {
   PMSP_HD int width() const { return kMirrorSums; }
   PMSP_HD int height() const { return 1; }
 
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
     MirrorCounts all{};
     for (int i = at.index; i < count; i += kMirrorSums) {
       for (int p = 0; p < kWidePlanes; ++p) {
@@ -217,7 +215,7 @@ struct ChooseMirrors {
   PMSP_HD int width() const { return kWidePlanes; }
   PMSP_HD int height() const { return 1; }
 
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
     float behind = 0.0F;
     float mirrored = 0.0F;
     float confirmed = 0.0F;
@@ -226,11 +224,12 @@ struct ChooseMirrors {
       mirrored += static_cast<float>(sums[i].mirrored[at.index]);
       confirmed += static_cast<float>(sums[i].confirmed[at.index]);
     }
-    bool visited = false;
-    for (int k = 0; k < viewer_count; ++k) visited = visited || dot(planes[at.index].plane, viewers[k]) > 1.0F;
+    bool has_camera_behind = false;
+    for (int k = 0; k < viewer_count; ++k)
+      has_camera_behind = has_camera_behind || dot(planes[at.index].plane, viewers[k]) > 1.0F;
     const float sphere = CountMirrored::kWeight * static_cast<float>(2.0 / kPi) * static_cast<float>(cells);
-    const bool is_mirror = !visited && mirrored >= kLeastMirrored * behind && confirmed >= kLeastConfirmed * mirrored &&
-                           confirmed >= kLeastMirror * sphere;
+    const bool is_mirror = !has_camera_behind && mirrored >= kLeastMirrored * behind &&
+                           confirmed >= kLeastConfirmed * mirrored && confirmed >= kLeastMirror * sphere;
     if (!is_mirror) planes[at.index] = {{0.0F, 0.0F, 0.0F}, 0.0F};
   }
 };
@@ -245,13 +244,15 @@ struct MirrorView {
 /// Whether a keyframe's point is a mirror image, or lies behind a mirror next to its confirmed surface. `at`: the
 /// pixel.
 template <class F>
-PMSP_HD MaskOf<F> is_mirrored(const MirrorView& view, const GridView& grid, const Place<F>& at, const Vec3<F>& point) {
+PMSP_HD MaskOf<F> is_mirrored(const MirrorView& view, const GridView& grid, const RowPixels<F>& at,
+                              const Vec3<F>& point) {
   const GridView cells{grid.width / kRangeCell, grid.height / kRangeCell, nullptr, nullptr, nullptr, nullptr};
   MaskOf<F> found = F(0) > F(1);
   for (int p = 0; p < kWidePlanes; ++p) {
     if (!is_plane(view.mirrors[p])) continue;
     const MaskOf<F> behind = dot(plane_of<F>(view.mirrors[p]), point) > F(kBehindMirror);
     if (!any(behind)) continue;
+    static_assert(kRangeCell == 2, "columns of cells are shifted by one bit");
     const IntOf<F> column = at.column >> 1;
     const int row = at.row / kRangeCell;
     const UIntOf<F> own = gather_words<F>(view.evidence, IntOf<F>(IntOf<F>(row * cells.width) + column));
@@ -260,7 +261,8 @@ PMSP_HD MaskOf<F> is_mirrored(const MirrorView& view, const GridView& grid, cons
       if (row + dy < 0 || row + dy >= cells.height) continue;
       const float wider = 1.0F / max(grid.cos_lat[(row + dy) * kRangeCell], 8.0F / static_cast<float>(cells.width));
       for (int dx = -kBesideConfirmed; dx <= kBesideConfirmed && any(behind & !found); ++dx) {
-        const Beside<F> there = beside<F>(cells, column, row, static_cast<int>(static_cast<float>(dx) * wider), dy);
+        const WrappedPixel<F> there =
+            wrapped_pixel<F>(cells, column, row, static_cast<int>(static_cast<float>(dx) * wider), dy);
         const IntOf<F> index = there.row * IntOf<F>(cells.width) + there.column;
         const UIntOf<F> word = gather_words<F>(view.confirmed, index);
         found = found | (behind & has_bit<F>(word, behind_bit(p)));

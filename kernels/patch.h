@@ -17,15 +17,15 @@ constexpr int kPatchSamples = kPatchSide * kPatchSide;
 constexpr int kMaxViews = 8;  ///< source views of one depth map
 
 /// Parameters of patches, common to all pixels.
-struct PatchLayout {
+struct PatchParams {
   float spacing;                           ///< distance of samples on the tangent plane (tangent of the angle)
   float fine_spacing;                      ///< the same for the fine patch
   float fine_variance;                     ///< minimum variance of the fine patch [gray levels squared]
-  float min_sigma_color;                   ///< bilateral weights: smallest and largest standard deviation
-  float max_sigma_color;                   ///< [gray levels]
+  float min_sigma_color;                   ///< minimum standard deviation of the bilateral weights [gray levels]
+  float max_sigma_color;                   ///< maximum [gray levels]
   float space_weight[kPatchSamples];       ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre
   float fine_space_weight[kPatchSamples];  ///< of the fine patch
-  float min_variance;            ///< variance of noise [gray levels squared]; patches with no more texture score low
+  float min_variance;  ///< variance of noise [gray levels squared], added to variances: lowers scores without texture
   float disagreement_cost;       ///< maximum penalty for deviation from a source view's surface
   float disagreement_tolerance;  ///< relative depth difference from which on the penalty is maximal
 };
@@ -33,23 +33,25 @@ struct PatchLayout {
 /// Offset of sample i (0 to kPatchSide - 1) from the centre, in steps of `spacing`.
 PMSP_HD float patch_offset(int i) { return static_cast<float>(i) - 0.5F * static_cast<float>(kPatchSide - 1); }
 
-/// Contribution of a reference pixel's patch to all its scores: computed once for all planes and views. More compact
-/// types (src/cuda/shared_patch.h) have the same members and round the values.
+/// Reference patch of a pixel, computed once for all planes and views. src/cuda/shared_patch.h has the same members in
+/// half precision.
 template <class F>
 struct ReferencePatch {
   F weights[kPatchSamples];
-  F contrasts[kPatchSamples];
+  F values[kPatchSamples];
   F center;        ///< gray value; scores use differences from it, which are small, as is their rounding error
   F variance;      ///< of the patch [gray levels squared]
   F weight_sum;    ///< 1 except for rounding
-  F contrast_sum;  ///< 0 except for rounding
+  F value_sum;     ///< 0 except for rounding
   MaskOf<F> fine;  ///< whether it is the fine patch
 
-  PMSP_HD F weight(int k) const { return weights[k]; }      ///< bilateral weight
-  PMSP_HD F contrast(int k) const { return contrasts[k]; }  ///< weight * (gray - mean) / standard deviation
-  PMSP_HD void put(int k, const F& weight, const F& contrast) {
+  PMSP_HD F weight(int k) const { return weights[k]; }  ///< bilateral weight
+  PMSP_HD F value(int k) const {
+    return values[k];
+  }  ///< weight * (gray - mean) / standard deviation; during load_patch gray - center
+  PMSP_HD void put(int k, const F& weight, const F& value) {
     weights[k] = weight;
-    contrasts[k] = contrast;
+    values[k] = value;
   }
 };
 
@@ -67,38 +69,36 @@ PMSP_HD PatchFrame<F> patch_frame(const F& sin_lon, const F& cos_lon, const F& s
           spacing * tangent_down(sin_lon, cos_lon, sin_lat, cos_lat)};
 }
 
-/// Standard deviation of the bilateral weights over the spread of the patch's gray values around the centre's. Spread
-/// is the deviation of 15 of the 36 samples: half a patch of plaster beside a silhouette has a small one, which
-/// excludes the silhouette's edge; a patch with texture all over keeps all samples. Fine patches have enough texture
-/// for tighter weights, which keep edges better; without texture, weak edges in the surroundings are the only
-/// information.
+/// Standard deviation of the bilateral weights relative to the spread of the patch: the deviation from the centre that
+/// 15 of the 36 samples do not exceed. Beside a silhouette it is small and excludes the silhouette; in full texture it
+/// keeps all samples. Fine patches use a smaller factor; untextured ones need the weak edges around them.
 constexpr float kSigmaPerSpread = 3.0F;
 constexpr float kFineSigmaPerSpread = 1.5F;
 
 /// `per_spread`: kSigmaPerSpread or kFineSigmaPerSpread.
 template <class F, class Patch>
-PMSP_HD F sigma_color(const Patch& patch, const PatchLayout& layout, const F& per_spread) {
+PMSP_HD F sigma_color(const Patch& patch, const PatchParams& params, const F& per_spread) {
   F low(0);
-  F high = F(layout.max_sigma_color) / per_spread;
+  F high = F(params.max_sigma_color) / per_spread;
   PMSP_ROLL
   for (int step = 0; step < 5; ++step) {  // bisection
     const F middle = F(0.5F) * (low + high);
     F within(0);
-    for (int k = 0; k < kPatchSamples; ++k) within = within + select(abs(patch.contrast(k)) <= middle, F(1), F(0));
+    for (int k = 0; k < kPatchSamples; ++k) within = within + select(abs(patch.value(k)) <= middle, F(1), F(0));
     const auto enough = within >= F(15);
     high = select(enough, middle, high);
     low = select(enough, low, middle);
   }
-  return min(max(per_spread * high, F(layout.min_sigma_color)), F(layout.max_sigma_color));
+  return min(max(per_spread * high, F(params.min_sigma_color)), F(params.max_sigma_color));
 }
 
-/// Minimum logarithm of a sample's weight: representable for all 36 in half precision, in which a GPU keeps weights.
+/// Minimum logarithm of a bilateral weight: normalised weights stay representable in half precision.
 constexpr float kLeastLogWeight = -9.0F;
 
 /// `Cube`: CubeView, or another type with `sample` and `is_empty`. `Patch`: ReferencePatch<F> or compatible. `fine`:
 /// whether the frame is that of the fine patch.
 template <class Patch, class F, class Cube>
-PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& frame, const PatchLayout& layout,
+PMSP_HD void load_patch(Patch& patch, const Cube& image, const PatchFrame<F>& frame, const PatchParams& params,
                         const MaskOf<F>& fine) {
   patch.center = sample(image, frame.bearing);
   PMSP_ROLL
@@ -110,14 +110,14 @@ PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& fr
     }
   }
   patch.fine = fine;
-  const F sigma = sigma_color<F>(patch, layout, select(fine, F(kFineSigmaPerSpread), F(kSigmaPerSpread)));
+  const F sigma = sigma_color<F>(patch, params, select(fine, F(kFineSigmaPerSpread), F(kSigmaPerSpread)));
   const F color_factor = F(-0.5F) / (sigma * sigma);
   F sum(0);
   F sum_gray(0);
   F sum_square(0);
   for (int k = 0; k < kPatchSamples; ++k) {
-    const F gray = patch.contrast(k);
-    const F space = select(fine, F(layout.fine_space_weight[k]), F(layout.space_weight[k]));
+    const F gray = patch.value(k);
+    const F space = select(fine, F(params.fine_space_weight[k]), F(params.space_weight[k]));
     const F weight = space * kernels::exp(max(gray * gray * color_factor, F(kLeastLogWeight)));
     patch.put(k, weight, gray);
     sum = sum + weight;
@@ -127,14 +127,14 @@ PMSP_HD void take_patch(Patch& patch, const Cube& image, const PatchFrame<F>& fr
   const F scale = F(1) / sum;
   const F mean = sum_gray * scale;
   patch.variance = max(fma(F(0) - mean, mean, sum_square * scale), F(0));
-  const F inverse_deviation = F(1) / sqrt(patch.variance + F(layout.min_variance));
+  const F inverse_deviation = F(1) / sqrt(patch.variance + F(params.min_variance));
   patch.weight_sum = F(0);
-  patch.contrast_sum = F(0);
+  patch.value_sum = F(0);
   for (int k = 0; k < kPatchSamples; ++k) {
     const F weight = patch.weight(k) * scale;
-    patch.put(k, weight, weight * (patch.contrast(k) - mean) * inverse_deviation);
+    patch.put(k, weight, weight * (patch.value(k) - mean) * inverse_deviation);
     patch.weight_sum = patch.weight_sum + patch.weight(k);
-    patch.contrast_sum = patch.contrast_sum + patch.contrast(k);
+    patch.value_sum = patch.value_sum + patch.value(k);
   }
 }
 
@@ -148,7 +148,7 @@ struct SurfaceOf {
 template <class Cube>
 struct SourceView {
   Cube image;
-  Cube usable;  ///< 255 where a patch may be matched, 0 near masked pixels; empty = no mask
+  Cube matchable;  ///< 255 where a patch may be matched, 0 near masked pixels; empty = no mask
   Rigid view_from_ref;
   typename SurfaceOf<Cube>::Type surface;  ///< its plane map so far; empty = unknown
 };
@@ -158,7 +158,7 @@ struct SourceView {
 /// in x.
 template <class Patch, class F, class Cube>
 PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view, const Vec3<F>& plane,
-                     const PatchLayout& layout) {
+                     const PatchParams& params) {
   const Vec3<F> turned = rotate(view.view_from_ref, frame.bearing);
   const F inverse_depth = dot(plane, frame.bearing);
   const Vec3<F> t = translation(view.view_from_ref, frame.bearing, turned, inverse_depth);
@@ -179,7 +179,7 @@ PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const Sourc
       const F weighted = patch.weight(k) * gray;
       sum = sum + weighted;
       square = fma(weighted, gray, square);
-      product = fma(patch.contrast(k), gray, product);
+      product = fma(patch.value(k), gray, product);
       p = p + right;
     }
     left = left + down;
@@ -187,34 +187,33 @@ PMSP_HD F view_score(const Patch& patch, const PatchFrame<F>& frame, const Sourc
   const F scale = F(1) / patch.weight_sum;
   const F mean = sum * scale;
   const F variance = max(fma(F(0) - mean, mean, square * scale), F(0));
-  const F score = fma(F(0) - mean, patch.contrast_sum, product) / sqrt(variance + F(layout.min_variance));
-  if (is_empty(view.usable)) return score;
-  return select(sample(view.usable, center) > F(127), score, F(-1));
+  const F score = fma(F(0) - mean, patch.value_sum, product) / sqrt(variance + F(params.min_variance));
+  if (is_empty(view.matchable)) return score;
+  return select(sample(view.matchable, center) > F(127), score, F(-1));
 }
 
 /// Result of a source view for a plane.
 template <class F>
 struct ViewResult {
-  F score;  ///< view_score, less the penalty by its own depth map
-  F seen;   ///< visibility: 0 = its surface hides the plane, 1 = it does not, and in between
+  F score;       ///< view_score, less the penalty by its own depth map
+  F visibility;  ///< 1 up to one tolerance behind the view's surface, 0 from two; 1 without texture
 };
 
-/// Penalty for deviation from the source view's surface: a wrong depth that looks alike in one pair of images rarely
-/// does in another (Schoenberger et al. 2016; Xu and Tao 2019). A plane behind that surface may be hidden from the
-/// source view; without texture there is no evidence for that.
+/// Photometric score less a penalty for deviation from the depth map of the source view (geometric consistency,
+/// Schoenberger et al. 2016; Xu and Tao 2019).
 template <class Patch, class F, class Cube>
 PMSP_HD ViewResult<F> view_result(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>& view,
-                                  const Vec3<F>& plane, const PatchLayout& layout) {
-  const F score = view_score(patch, frame, view, plane, layout);
-  if (is_empty(view.surface) || !(layout.disagreement_cost > 0.0F)) return {score, F(1)};
-  const F off = F(1.0F / layout.disagreement_tolerance) *
+                                  const Vec3<F>& plane, const PatchParams& params) {
+  const F score = view_score(patch, frame, view, plane, params);
+  if (is_empty(view.surface) || !(params.disagreement_cost > 0.0F)) return {score, F(1)};
+  const F off = F(1.0F / params.disagreement_tolerance) *
                 beyond_surface(frame.bearing, dot(plane, frame.bearing), view.surface, view.view_from_ref);
-  return {score - F(layout.disagreement_cost) * min(abs(off), F(1)),
+  return {score - F(params.disagreement_cost) * min(abs(off), F(1)),
           select(patch.fine, min(max(F(2) - off, F(0)), F(1)), F(1))};
 }
 
-/// Weights of the source views at a pixel. A view that does not see the surface gives low scores to every plane, the
-/// current one included, which reveals it (Zheng et al. 2014; Xu and Tao 2019 use several planes).
+/// Weights of the source views at a pixel, from the scores of its current plane: low where the surface is occluded
+/// (Zheng et al. 2014; Xu and Tao 2019 use several planes).
 template <class F>
 struct ViewWeights {
   F of[kMaxViews];
@@ -223,22 +222,21 @@ struct ViewWeights {
 /// Standard deviation for the weight of a view: difference of its score from 1.
 constexpr float kSigmaOfViewScore = 0.15F;
 
-/// Minimum number of views for weights. With two, the better half is a single view already, and weights would leave
-/// only that.
-constexpr int kLeastWeighedViews = 3;
+/// Minimum number of views for weights. With two, the better half is one view; weights would discard the other.
+constexpr int kMinWeightedViews = 3;
 
 template <class F>
-PMSP_HD void weigh_alike(ViewWeights<F>& weights) {
+PMSP_HD void set_equal_weights(ViewWeights<F>& weights) {
   for (F& weight : weights.of) weight = F(1);
 }
 
-/// Makes weights equal, except for pixels of `where`.
+/// Sets weights to 1 except for pixels of `where`.
 template <class F>
-PMSP_HD void weigh_only(ViewWeights<F>& weights, const MaskOf<F>& where) {
+PMSP_HD void keep_weights_where(ViewWeights<F>& weights, const MaskOf<F>& where) {
   for (F& weight : weights.of) weight = select(where, weight, F(1));
 }
 
-/// Weight of a view from its score of the current plane. Above 0: if no view gives a good score, all count.
+/// Weight of a view from its score for the current plane; > 0.
 template <class F>
 PMSP_HD F view_weight(const F& score) {
   constexpr float kFactor = -0.5F / (kSigmaOfViewScore * kSigmaOfViewScore);
@@ -252,7 +250,7 @@ PMSP_HD F view_weight(const F& score) {
 /// of views. `weigh`: the plane is the pixel's current one; the weights are computed from its scores.
 template <class Patch, class F, class Cube>
 PMSP_HD F plane_score(const Patch& patch, const PatchFrame<F>& frame, const SourceView<Cube>* views, int num_views,
-                      const Vec3<F>& plane, const PatchLayout& layout, ViewWeights<F>& weights, bool weigh) {
+                      const Vec3<F>& plane, const PatchParams& params, ViewWeights<F>& weights, bool weigh) {
   const int kept = (num_views + 1) / 2;
   static_assert((kMaxViews + 1) / 2 == 4, "a -1 for each of the better half");
   F best[(kMaxViews + 1) / 2] = {F(-1), F(-1), F(-1), F(-1)};
@@ -260,10 +258,10 @@ PMSP_HD F plane_score(const Patch& patch, const PatchFrame<F>& frame, const Sour
   F weight_sum(0);
   PMSP_ROLL
   for (int view = 0; view < num_views; ++view) {
-    const ViewResult<F> said = view_result(patch, frame, views[view], plane, layout);
-    F score = said.score;
-    if (weigh && num_views >= kLeastWeighedViews) weights.of[view] = view_weight(score);
-    const F weight = weights.of[view] * max(said.seen, F(1e-3F));
+    const ViewResult<F> result = view_result(patch, frame, views[view], plane, params);
+    F score = result.score;
+    if (weigh && num_views >= kMinWeightedViews) weights.of[view] = view_weight(score);
+    const F weight = weights.of[view] * max(result.visibility, F(1e-3F));
     weighted = fma(weight, score, weighted);
     weight_sum = weight_sum + weight;
     for (int k = 0; k < kept; ++k) {  // insertion into the sorted list of the best

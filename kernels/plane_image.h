@@ -6,11 +6,11 @@
 namespace pmsp::kernels {
 
 /// Planes of a map for the user (pmsp::PlaneMap); a stage.
-template <class Views>
+template <class ViewTypes>
 struct PlaneImage {
   static constexpr int kCounts = 0;
 
-  typename Views::Map map;
+  typename ViewTypes::Map map;
   GridView grid;
   float* x;
   float* y;
@@ -20,7 +20,7 @@ struct PlaneImage {
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
 
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
     const Vec3<float> plane = plane_at<float>(map, at.index);
     x[at.index] = plane.x;
     y[at.index] = plane.y;

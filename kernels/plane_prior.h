@@ -13,7 +13,7 @@
 // all directions; the plane that explains these supports best, fitted to them or adopted from another cell, is the
 // cell's prior plane. Three supports that surround a cell define a fitted plane: priors interpolate between known
 // surfaces, they do not extrapolate. Functions of cells branch, and therefore use plain floats; cells are few. If no
-// plane is found, an external depth image may provide one (Keyframe::prior_depth), provided that it agrees with the
+// plane is found, prior depth may provide one (Keyframe::prior_depth), provided that it agrees with the
 // reliable surface around.
 namespace pmsp::kernels {
 
@@ -23,40 +23,43 @@ constexpr float kPriorReach = 1.4F;          ///< distance of the search [rad]: 
 constexpr int kPriorMinSupports = 5;         ///< minimum number of supports on the plane
 constexpr float kPriorTolerance = 0.02F;     ///< maximum relative distance of these, plus twice their own error ...
 constexpr float kMaxPriorTolerance = 0.06F;  ///< ... up to this maximum
-/// Cost of a support in front of the plane, relative to one behind it: the edge of an object in front of a wall is a
-/// support of the object; surfaces behind a wall are visible beside it only at its ends.
+/// Cost of a support in front of the plane, relative to one behind: occluding objects are expected, surfaces behind a
+/// wall are visible only beyond its ends.
 constexpr float kOccluderCost = 0.6F;
-constexpr float kSupportMinScore = 0.7F;      ///< minimum score of a support's pixel
-constexpr float kSupportMaxError = 0.04F;     ///< maximum relative error of its depth (matching_error)
-constexpr float kSupportSure = 0.01F;         ///< minimum error in comparisons
-constexpr float kSupportTexture = 0.75F;      ///< minimum common variance of its patches, over that of a textured patch
-constexpr float kLeastSupportError = 0.003F;  ///< relative error that supports have in common
-constexpr float kSureError = 0.02F;           ///< relative error above which a pixel is unsure
-constexpr int kSupportMinNeighbours = 3;      ///< minimum number of the eight pixels around a support on its plane ...
-constexpr float kSupportTolerance = 0.01F;    ///< ... up to this relative distance; fulfilled along an edge
-constexpr float kTexturePixels = 1.2F;        ///< distance of the samples that measure texture [px]
-constexpr int kExternalMinSupports = 3;     ///< minimum number of supports around a cell to correct its external plane
-constexpr float kExternalTolerance = 0.1F;  ///< maximum relative deviation of corrected external planes at supports
-constexpr float kExternalMinShare = 0.6F;   ///< minimum share of agreeing supports, weighted by proximity
-constexpr int kAgreeingMinSupports = 4;     ///< minimum number of supports on a plane that agrees with the external one
-constexpr float kAgreeingTolerance = 0.08F;  ///< maximum relative distance of such a plane from the external one
+constexpr float kSupportMinScore = 0.7F;   ///< minimum score of a support's pixel
+constexpr float kSupportMaxError = 0.04F;  ///< maximum relative error of its depth (matching_error)
+constexpr float kMinSupportError = 0.01F;  ///< minimum error in comparisons
+constexpr float kSupportTexture = 0.75F;   ///< minimum common variance of its patches, over that of a textured patch
+constexpr float kCommonSupportError = 0.003F;  ///< relative error that supports have in common
+constexpr float kMaxCertainError = 0.02F;      ///< relative error above which a pixel is uncertain
+constexpr int kSupportMinNeighbours = 3;       ///< minimum number of the eight pixels around a support on its plane ...
+constexpr float kSupportTolerance = 0.01F;     ///< ... up to this relative distance; fulfilled along an edge
+constexpr float kTexturePixels = 1.2F;         ///< distance of the samples that measure texture [px]
+constexpr int kPriorDepthMinSupports =
+    3;  ///< minimum number of supports around a cell to correct its prior depth plane
+constexpr float kPriorDepthTolerance =
+    0.1F;                                    ///< maximum relative deviation of corrected prior depth planes at supports
+constexpr float kPriorDepthMinShare = 0.6F;  ///< minimum share of agreeing supports, weighted by proximity
+constexpr int kAgreeingMinSupports =
+    4;  ///< minimum number of supports on a plane that agrees with that of the prior depth
+constexpr float kAgreeingTolerance = 0.08F;  ///< maximum relative distance of such a plane from that of the prior depth
 constexpr float kAgreeingMinCos = 0.9F;      ///< minimum cosine between their normals
-constexpr float kExternalCoplanar = 0.05F;   ///< maximum relative distance of a support on the cell's plane
+constexpr float kPriorDepthCoplanar = 0.05F;  ///< maximum relative distance of a support on the cell's plane
 
 // Sky (plane.h: far), in errors of the inverse depth that follow from the image:
 constexpr float kFarErrors = 2.5F;     ///< maximum inverse depth of a far pixel ...
-constexpr float kFarSure = 0.4F;       ///< ... with an error of at most this share of the minimum finite inverse depth
+constexpr float kMaxFarError = 0.4F;   ///< ... with an error of at most this share of the minimum finite inverse depth
 constexpr float kFiniteErrors = 4.0F;  ///< minimum inverse depth of a finite pixel
-constexpr int kFarMinSupports = 3;     ///< minimum number of far supports around a far cell ...
-constexpr float kBright = 220.0F;      ///< ... below this gray level; else one
-constexpr float kWhite = 250.0F;       ///< minimum gray level of bare surfaces that may be overexposed sky
-constexpr float kWhiteCost = 0.3F;     ///< kOccluderCost, if whiteness is the only evidence for sky
+constexpr int kFarMinSupports = 3;  ///< minimum number of far supports for a far cell below kBright; one suffices above
+constexpr float kBright = 220.0F;   ///< gray level
+constexpr float kWhite = 250.0F;    ///< minimum gray level of bare surfaces that may be overexposed sky
+constexpr float kWhiteCost = 0.3F;  ///< kOccluderCost, if whiteness is the only evidence for sky
 
 /// First support in each direction; (0, 0, 0) = none within reach.
 struct NearestSupports {
   float x[kPriorDirections], y[kPriorDirections], z[kPriorDirections];
-  float errors[kPriorDirections];     ///< of the supports, relative
-  float tightness[kPriorDirections];  ///< 1 / maximum relative distance of a support on a plane; 0 = no support
+  float errors[kPriorDirections];             ///< of the supports, relative
+  float inverse_tolerance[kPriorDirections];  ///< 1 / maximum relative distance of a support on a plane; 0 = no support
   int count;
 
   PMSP_HD Vec3<float> point(int d) const { return {x[d], y[d], z[d]}; }
@@ -65,7 +68,7 @@ struct NearestSupports {
     y[d] = point.y;
     z[d] = point.z;
     errors[d] = error;
-    tightness[d] = tightness_there;
+    inverse_tolerance[d] = tightness_there;
   }
 };
 
@@ -89,10 +92,10 @@ struct SupportPixel {
 };
 
 /// All cells, in row order, with input and intermediate results.
-template <class Views>
+template <class ViewTypes>
 struct PriorCells {
-  typename Views::Map map;  ///< current planes
-  typename Views::Cube image;
+  typename ViewTypes::Map map;  ///< current planes
+  typename ViewTypes::Cube image;
   GridView grid;           ///< of the map
   Baselines baselines;     ///< to the source views
   float spacing;           ///< of samples (tangent of the angle)
@@ -102,18 +105,18 @@ struct PriorCells {
   float far_variance;      ///< minimum as evidence for a far pixel
   PlaneLimits limits;
   int columns, rows;
-  const int* great_circles;     ///< cells along great circles from the first cell of a row: [row][direction][step]
-  const Vec3<float>* external;  ///< planes of the cells from an external depth image, 0 = none; nullptr = no image
-  Vec3<float>* supports;        ///< points of the surface; (0, 0, 0) = none
-  float* errors;                ///< of the supports, relative
-  unsigned char* uncertain;     ///< whether a cell has unsure pixels
+  const int* great_circles;  ///< cells along great circles from the first cell of a row: [row][direction][step]
+  const Vec3<float>* prior_depth_planes;  ///< planes of the cells from prior depth, 0 = none; nullptr = no image
+  Vec3<float>* supports;                  ///< points of the surface; (0, 0, 0) = none
+  float* errors;                          ///< of the supports, relative
+  unsigned char* uncertain;               ///< whether a cell has uncertain pixels
   NearestSupports* around;
-  const PriorPlane* before;  ///< planes of the previous step
-  PriorPlane* found;         ///< output
-  SupportPixel* pixels;      ///< best of each share: [cell][share]
-  PriorPlane* candidates;    ///< best plane of each share: [cell][share]
-  int shares;                ///< number of parts of a cell's work, one per thread
-  int stride;                ///< distance to the cells with planes to adopt [cells]
+  const PriorPlane* previous;  ///< planes of the previous step
+  PriorPlane* found;           ///< output
+  SupportPixel* pixels;        ///< best of each thread: [cell][thread]
+  PriorPlane* candidates;      ///< best plane of each thread: [cell][thread]
+  int threads;                 ///< threads per cell
+  int stride;                  ///< distance to the cells with planes to adopt [cells]
 
   PMSP_HD Vec3<float> bearing_at(int x, int y) const { return kernels::bearing_at<float>(grid, x, y); }
 };
@@ -126,8 +129,8 @@ PMSP_HD bool is_far_point(const Vec3<float>& p) { return dot(p, p) > 1.0F / (kFa
 PMSP_HD bool is_finite_point(const Vec3<float>& p) { return is_point(p) && !is_far_point(p); }
 
 /// Number of the pixels two steps around pixel (x, y) on its plane.
-template <class Views>
-PMSP_HD int neighbours_on_plane(const PriorCells<Views>& cells, int x, int y, const Vec3<float>& plane) {
+template <class ViewTypes>
+PMSP_HD int neighbours_on_plane(const PriorCells<ViewTypes>& cells, int x, int y, const Vec3<float>& plane) {
   int count = 0;
   for (int i = 0; i < 9; ++i) {
     const int row = y + 2 * (i / 3 - 1);
@@ -141,21 +144,21 @@ PMSP_HD int neighbours_on_plane(const PriorCells<Views>& cells, int x, int y, co
 }
 
 /// Relative error of a pixel's depth, as far as it follows from the image.
-template <class Views>
-PMSP_HD float matching_error(const PriorCells<Views>& cells, int index, float inverse_depth) {
+template <class ViewTypes>
+PMSP_HD float matching_error(const PriorCells<ViewTypes>& cells, int index, float inverse_depth) {
   return matching_error(cells.variance[index], cells.certainty[index], score_at<float>(cells.map, index), cells.spacing,
                         inverse_depth);
 }
 
 /// Whether the image evidence for a pixel's depth is insufficient.
-template <class Views>
-PMSP_HD bool is_unsure(const PriorCells<Views>& cells, int index, float inverse_depth) {
-  return cells.variance[index] < cells.min_variance || matching_error(cells, index, inverse_depth) > kSureError;
+template <class ViewTypes>
+PMSP_HD bool is_uncertain(const PriorCells<ViewTypes>& cells, int index, float inverse_depth) {
+  return cells.variance[index] < cells.min_variance || matching_error(cells, index, inverse_depth) > kMaxCertainError;
 }
 
 /// Error of a pixel's inverse depth, as far as it follows from the image; huge without texture.
-template <class Views>
-PMSP_HD float inverse_error(const PriorCells<Views>& cells, int index) {
+template <class ViewTypes>
+PMSP_HD float inverse_error(const PriorCells<ViewTypes>& cells, int index) {
   const float score = score_at<float>(cells.map, index);
   if (score * cells.variance[index] < cells.far_variance) return 1e9F;
   return matching_noise(cells.variance[index], score, cells.spacing) / (sqrt(cells.certainty[index]) + 1e-9F);
@@ -163,16 +166,16 @@ PMSP_HD float inverse_error(const PriorCells<Views>& cells, int index) {
 
 /// Whether the image shows that a pixel is far: its parallax lies within the error, which that of the largest finite
 /// depth does not.
-template <class Views>
-PMSP_HD bool looks_far(const PriorCells<Views>& cells, int index, float inverse_depth) {
+template <class ViewTypes>
+PMSP_HD bool looks_far(const PriorCells<ViewTypes>& cells, int index, float inverse_depth) {
   const float error = inverse_error(cells, index);
-  return error < kFarSure * cells.limits.min_inverse_depth &&
+  return error < kMaxFarError * cells.limits.min_inverse_depth &&
          inverse_depth < max(kFarErrors * error, cells.limits.min_inverse_depth + error);
 }
 
 /// Point of a pixel's plane with the best image evidence, for instance on an edge beside the pixel.
-template <class Views>
-PMSP_HD Vec3<float> best_known(const PriorCells<Views>& cells, int x, int y) {
+template <class ViewTypes>
+PMSP_HD Vec3<float> best_known(const PriorCells<ViewTypes>& cells, int x, int y) {
   const PatchFrame<float> frame = patch_frame(cells.grid.sin_lon[x], cells.grid.cos_lon[x], cells.grid.sin_lat[y],
                                               cells.grid.cos_lat[y], cells.spacing);
   const Vec3<float> ray = depth_evidence(cells.image, frame, cells.spacing, cells.baselines).best;
@@ -181,14 +184,14 @@ PMSP_HD Vec3<float> best_known(const PriorCells<Views>& cells, int x, int y) {
 }
 
 /// Writes `pixels` of a cell, for a share of its pixels in row order.
-template <class Views>
-PMSP_HD void examine_pixels(const PriorCells<Views>& cells, int column, int row, int share) {
+template <class ViewTypes>
+PMSP_HD void examine_pixels(const PriorCells<ViewTypes>& cells, int column, int row, int thread) {
   SupportPixel best{2.0F * kSupportMaxError, -1, false, 0, 0};
   const int x0 = column * cells.map.width / cells.columns;
   const int y0 = row * cells.map.height / cells.rows;
   const int columns = (column + 1) * cells.map.width / cells.columns - x0;
   const int count = columns * ((row + 1) * cells.map.height / cells.rows - y0);
-  for (int i = share; i < count; i += cells.shares) {
+  for (int i = thread; i < count; i += cells.threads) {
     const int x = x0 + i % columns;
     const int y = y0 + i / columns;
     const int index = y * cells.map.width + x;
@@ -200,17 +203,17 @@ PMSP_HD void examine_pixels(const PriorCells<Views>& cells, int column, int row,
       ++best.far;
       continue;
     }
-    best.uncertain = best.uncertain || is_unsure(cells, index, inverse_depth);
+    best.uncertain = best.uncertain || is_uncertain(cells, index, inverse_depth);
     const float score = score_at<float>(cells.map, index);
     const float error = matching_error(cells, index, inverse_depth);
     if (!(score > kSupportMinScore) || !(error < kSupportMaxError)) continue;
     if (score * cells.variance[index] < kSupportTexture * cells.min_variance) continue;
-    const float cost = max(error, kSupportSure) * (2.0F - score);
+    const float cost = max(error, kMinSupportError) * (2.0F - score);
     if (!(cost < best.cost) || neighbours_on_plane(cells, x, y, plane) < kSupportMinNeighbours) continue;
     best.cost = cost;
     best.index = index;
   }
-  cells.pixels[(row * cells.columns + column) * cells.shares + share] = best;
+  cells.pixels[(row * cells.columns + column) * cells.threads + thread] = best;
 }
 
 /// Bearing of a cell's centre.
@@ -221,14 +224,14 @@ PMSP_HD Vec3<float> cell_bearing(int column, int row, int columns, int rows) {
   return bearing(sinf(lon), cosf(lon), sinf(lat), cosf(lat));
 }
 
-/// Writes `supports`, `errors` and `unsure` of a cell. The best pixel becomes the support; of equal ones the first.
-template <class Views>
-PMSP_HD void find_support(const PriorCells<Views>& cells, int column, int row) {
+/// Writes `supports`, `errors` and `uncertain` of a cell. The best pixel becomes the support; of equal ones the first.
+template <class ViewTypes>
+PMSP_HD void find_support(const PriorCells<ViewTypes>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
-  const SupportPixel* const pixels = cells.pixels + cell * cells.shares;
+  const SupportPixel* const pixels = cells.pixels + cell * cells.threads;
   SupportPixel best = pixels[0];
-  for (int share = 1; share < cells.shares; ++share) {
-    const SupportPixel& other = pixels[share];
+  for (int thread = 1; thread < cells.threads; ++thread) {
+    const SupportPixel& other = pixels[thread];
     const bool uncertain = best.uncertain || other.uncertain;
     const int all = best.pixels + other.pixels;
     const int far = best.far + other.far;
@@ -259,8 +262,8 @@ PMSP_HD int great_circle_steps(int rows) {
 }
 
 /// Writes the first support in a direction from a cell with unsure pixels.
-template <class Views>
-PMSP_HD void find_surroundings(const PriorCells<Views>& cells, int column, int row, int direction) {
+template <class ViewTypes>
+PMSP_HD void find_surroundings(const PriorCells<ViewTypes>& cells, int column, int row, int direction) {
   const int cell = row * cells.columns + column;
   if (cells.uncertain[cell] == 0) return;
   NearestSupports& around = cells.around[cell];
@@ -299,9 +302,9 @@ PMSP_HD void consider(PriorPlane& best, const Vec3<float>& plane, const NearestS
   float costs[kPriorDirections];
   PMSP_UNROLL
   for (int d = 0; d < kPriorDirections; ++d) {  // without branches, so that compilers vectorise
-    const float behind = (dot(plane, around.point(d)) - 1.0F) * around.tightness[d];
+    const float behind = (dot(plane, around.point(d)) - 1.0F) * around.inverse_tolerance[d];
     const float off = min(abs(behind), 1.0F);
-    offs[d] = around.tightness[d] > 0.0F ? off : 1.0F;
+    offs[d] = around.inverse_tolerance[d] > 0.0F ? off : 1.0F;
     costs[d] = behind < -1.0F ? kOccluderCost : off;
   }
   PMSP_UNROLL
@@ -337,10 +340,10 @@ PMSP_HD Vec3<float> refitted(const NearestSupports& around, const Vec3<float>& p
   for (int d = 0; d < kPriorDirections; ++d) {
     const Vec3<float> p = around.point(d);
     if (!is_point(p)) continue;
-    const float off = (dot(plane, p) - 1.0F) * around.tightness[d];
+    const float off = (dot(plane, p) - 1.0F) * around.inverse_tolerance[d];
     if (!(abs(off) < 1.0F)) continue;
     const float error = around.errors[d];
-    const float weight = (1.0F - off * off) / (error * error + kLeastSupportError * kLeastSupportError);
+    const float weight = (1.0F - off * off) / (error * error + kCommonSupportError * kCommonSupportError);
     rows[0] = fma(weight * p.x, p, rows[0]);
     rows[1] = fma(weight * p.y, p, rows[1]);
     rows[2] = fma(weight * p.z, p, rows[2]);
@@ -356,7 +359,7 @@ PMSP_HD Vec3<float> refitted(const NearestSupports& around, const Vec3<float>& p
 
 PMSP_HD int supports_around(const NearestSupports& around) {
   int count = 0;
-  for (int d = 0; d < kPriorDirections; ++d) count += around.tightness[d] > 0.0F ? 1 : 0;
+  for (int d = 0; d < kPriorDirections; ++d) count += around.inverse_tolerance[d] > 0.0F ? 1 : 0;
   return count;
 }
 
@@ -366,8 +369,8 @@ PMSP_HD bool has_candidates(int column, int row) { return ((column + row) & 1) =
 
 /// Writes `candidates` of a cell with has_candidates: the plane that explains the surroundings best, of a share of the
 /// planes through three supports that surround the cell.
-template <class Views>
-PMSP_HD void try_planes(const PriorCells<Views>& cells, int column, int row, int share) {
+template <class ViewTypes>
+PMSP_HD void try_planes(const PriorCells<ViewTypes>& cells, int column, int row, int thread) {
   constexpr int kWide = kPriorDirections / 2;  // with a wider gap, the cell would lie outside the triangle
   constexpr int kNarrow = 3;                   // a narrower one makes no good triangle
   constexpr int kGaps = kWide - kNarrow + 1;
@@ -376,7 +379,7 @@ PMSP_HD void try_planes(const PriorCells<Views>& cells, int column, int row, int
   const NearestSupports& around = cells.around[cell];
   if (cells.uncertain[cell] != 0 && supports_around(around) >= kPriorMinSupports) {
     const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
-    for (int triangle = share; triangle < kGaps * kGaps * kWide; triangle += cells.shares) {
+    for (int triangle = thread; triangle < kGaps * kGaps * kWide; triangle += cells.threads) {
       const int i = triangle % kWide;  // less than `rest`
       const int j = i + kNarrow + triangle / (kWide * kGaps);
       const int k = j + kNarrow + triangle / kWide % kGaps;
@@ -389,15 +392,15 @@ PMSP_HD void try_planes(const PriorCells<Views>& cells, int column, int row, int
       consider(best, plane_through(a, b, c), around, center, cells.limits);
     }
   }
-  cells.candidates[cell * cells.shares + share] = best;
+  cells.candidates[cell * cells.threads + thread] = best;
 }
 
 /// Replaces `best` by the best candidate of a cell if that explains the surroundings better, and refits the result.
-template <class Views>
-PMSP_HD void take_candidate(const PriorCells<Views>& cells, int column, int row, PriorPlane& best) {
+template <class ViewTypes>
+PMSP_HD void take_candidate(const PriorCells<ViewTypes>& cells, int column, int row, PriorPlane& best) {
   const int cell = row * cells.columns + column;
-  for (int share = 0; share < cells.shares; ++share) {
-    const PriorPlane& other = cells.candidates[cell * cells.shares + share];
+  for (int thread = 0; thread < cells.threads; ++thread) {
+    const PriorPlane& other = cells.candidates[cell * cells.threads + thread];
     if (other.cost < best.cost) best = other;
   }
   if (best.supports == 0) return;
@@ -408,8 +411,8 @@ PMSP_HD void take_candidate(const PriorCells<Views>& cells, int column, int row,
 
 /// Replaces `best` by the far plane if that explains the surroundings better: all finite supports lie in front of it.
 /// With too few far supports around, only white cells may be far.
-template <class Views>
-PMSP_HD void consider_far(const PriorCells<Views>& cells, int column, int row, PriorPlane& best) {
+template <class ViewTypes>
+PMSP_HD void consider_far(const PriorCells<ViewTypes>& cells, int column, int row, PriorPlane& best) {
   const int cell = row * cells.columns + column;
   if (cells.uncertain[cell] == 0) return;
   int far = 0;
@@ -428,8 +431,8 @@ PMSP_HD void consider_far(const PriorCells<Views>& cells, int column, int row, P
 }
 
 /// Writes `found` of a cell, the best of its candidates, and the number of supports around.
-template <class Views>
-PMSP_HD void find_plane(const PriorCells<Views>& cells, int column, int row) {
+template <class ViewTypes>
+PMSP_HD void find_plane(const PriorCells<ViewTypes>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
   NearestSupports& around = cells.around[cell];
   around.count = cells.uncertain[cell] != 0 ? supports_around(around) : 0;
@@ -444,11 +447,11 @@ PMSP_HD float support_weight(const Vec3<float>& p, const Vec3<float>& center) {
   return 1.0F / (max(1.0F - dot(center, p) / sqrt(dot(p, p)), 0.0F) + 0.002F);
 }
 
-/// Factor that moves the external plane at a support to the support; 0 = no external plane.
-template <class Views>
-PMSP_HD float external_ratio(const PriorCells<Views>& cells, const Vec3<float>& p) {
-  const float external_plane = dot(cells.external[pixel_index(p, cells.columns, cells.rows)], p);
-  return external_plane > 0.0F ? 1.0F / external_plane : 0.0F;
+/// Factor that moves the prior depth plane at a support to the support; 0 = no prior depth plane.
+template <class ViewTypes>
+PMSP_HD float prior_depth_ratio(const PriorCells<ViewTypes>& cells, const Vec3<float>& p) {
+  const float prior_depth_plane = dot(cells.prior_depth_planes[pixel_index(p, cells.columns, cells.rows)], p);
+  return prior_depth_plane > 0.0F ? 1.0F / prior_depth_plane : 0.0F;
 }
 
 /// Weighted mean of the factors around a cell that differ from `from` by less than `tolerance`, and their share of all.
@@ -457,14 +460,14 @@ struct ExternalRatio {
   float share;
   int count;
 };
-template <class Views>
-PMSP_HD ExternalRatio mean_ratio(const PriorCells<Views>& cells, const NearestSupports& around,
+template <class ViewTypes>
+PMSP_HD ExternalRatio mean_ratio(const PriorCells<ViewTypes>& cells, const NearestSupports& around,
                                  const Vec3<float>& center, float from, float tolerance) {
   ExternalRatio mean{0.0F, 0.0F, 0};
   float all = 0.0F;
   for (int d = 0; d < kPriorDirections; ++d) {
     const Vec3<float> p = around.point(d);
-    const float ratio = is_finite_point(p) ? external_ratio(cells, p) : 0.0F;
+    const float ratio = is_finite_point(p) ? prior_depth_ratio(cells, p) : 0.0F;
     if (!(ratio > 0.0F)) continue;
     const float weight = support_weight(p, center);
     all += weight;
@@ -488,7 +491,7 @@ PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const NearestSupp
     const Vec3<float> p = around.point(d);
     if (!is_finite_point(p)) continue;
     const float off = 1.0F - dot(plane, p);
-    if (abs(off) >= kExternalCoplanar) continue;
+    if (abs(off) >= kPriorDepthCoplanar) continue;
     rows[0] = fma(p.x, p, rows[0]);
     rows[1] = fma(p.y, p, rows[1]);
     rows[2] = fma(p.z, p, rows[2]);
@@ -507,36 +510,37 @@ PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const NearestSupp
 }
 
 /// External plane of a cell, corrected by the factors of the reliable surface around. Zero if these do not agree.
-template <class Views>
-PMSP_HD Vec3<float> corrected_external(const PriorCells<Views>& cells, int column, int row) {
+template <class ViewTypes>
+PMSP_HD Vec3<float> corrected_prior_depth(const PriorCells<ViewTypes>& cells, int column, int row) {
   const Vec3<float> none{0.0F, 0.0F, 0.0F};
   const int cell = row * cells.columns + column;
-  const Vec3<float> external = cells.external[cell];
+  const Vec3<float> prior_depth_planes = cells.prior_depth_planes[cell];
   const NearestSupports& around = cells.around[cell];
-  if (!is_point(external) || around.count < kExternalMinSupports) return none;
+  if (!is_point(prior_depth_planes) || around.count < kPriorDepthMinSupports) return none;
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
   const ExternalRatio all = mean_ratio(cells, around, center, 1.0F, 1e6F);
-  if (all.count < kExternalMinSupports) return none;
-  const ExternalRatio agreed = mean_ratio(cells, around, center, all.ratio, kExternalTolerance);
-  if (agreed.count < kExternalMinSupports || agreed.share < kExternalMinShare) return none;
-  const Vec3<float> plane = through_supports(agreed.ratio * external, around);
+  if (all.count < kPriorDepthMinSupports) return none;
+  const ExternalRatio agreed = mean_ratio(cells, around, center, all.ratio, kPriorDepthTolerance);
+  if (agreed.count < kPriorDepthMinSupports || agreed.share < kPriorDepthMinShare) return none;
+  const Vec3<float> plane = through_supports(agreed.ratio * prior_depth_planes, around);
   return is_allowed(plane, center, cells.limits) ? plane : none;
 }
 
-/// Plane of at least four supports, anywhere around the cell, that agrees with the external plane. The external plane
-/// selects the supports of the cell's surface, these determine its position. Zero if there is none. `external_plane`:
-/// corrected_external, not zero.
-template <class Views>
-PMSP_HD Vec3<float> agreeing_plane(const PriorCells<Views>& cells, int column, int row,
-                                   const Vec3<float>& external_plane) {
+/// Plane of at least four supports, anywhere around the cell, that agrees with the prior depth plane. The prior depth
+/// plane selects the supports of the cell's surface, these determine its position. Zero if there is none.
+/// `prior_depth_plane`: corrected_prior_depth, not zero.
+template <class ViewTypes>
+PMSP_HD Vec3<float> agreeing_plane(const PriorCells<ViewTypes>& cells, int column, int row,
+                                   const Vec3<float>& prior_depth_plane) {
   const NearestSupports& around = cells.around[row * cells.columns + column];
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
   PriorPlane best = no_plane();
-  const float there = dot(external_plane, center);
+  const float there = dot(prior_depth_plane, center);
   const auto agrees = [&](const Vec3<float>& plane) {
-    const float along = dot(plane, external_plane);
+    const float along = dot(plane, prior_depth_plane);
     return abs(dot(plane, center) - there) < kAgreeingTolerance * there && along > 0.0F &&
-           along * along > kAgreeingMinCos * kAgreeingMinCos * dot(plane, plane) * dot(external_plane, external_plane);
+           along * along >
+               kAgreeingMinCos * kAgreeingMinCos * dot(plane, plane) * dot(prior_depth_plane, prior_depth_plane);
   };
   for (int i = 0; i < kPriorDirections; ++i) {
     for (int j = i + 1; j < kPriorDirections; ++j) {
@@ -556,74 +560,76 @@ PMSP_HD Vec3<float> agreeing_plane(const PriorCells<Views>& cells, int column, i
 }
 
 /// Whether a cell may adopt planes of other cells.
-template <class Views>
-PMSP_HD bool may_adopt(const PriorCells<Views>& cells, int cell) {
+template <class ViewTypes>
+PMSP_HD bool may_adopt(const PriorCells<ViewTypes>& cells, int cell) {
   return cells.around[cell].count >= kPriorMinSupports;
 }
 
 /// Writes `candidates` of a cell: the plane that explains the surroundings best, of a share of the planes of cells
 /// `stride` away.
-template <class Views>
-PMSP_HD void try_adopted(const PriorCells<Views>& cells, int column, int row, int share) {
+template <class ViewTypes>
+PMSP_HD void try_adopted(const PriorCells<ViewTypes>& cells, int column, int row, int thread) {
   const int cell = row * cells.columns + column;
   if (!may_adopt(cells, cell)) return;
   PriorPlane best = no_plane();
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
-  for (int i = share; i < 9; i += cells.shares) {
+  for (int i = thread; i < 9; i += cells.threads) {
     const int other_row = row + (i / 3 - 1) * cells.stride;
     const int other_column = (column + (i % 3 - 1) * cells.stride + cells.columns) % cells.columns;
     if (i == 4 || other_row < 0 || other_row >= cells.rows) continue;
-    const PriorPlane& other = cells.before[other_row * cells.columns + other_column];
+    const PriorPlane& other = cells.previous[other_row * cells.columns + other_column];
     if (other.supports == 0 || is_far(dot(other.plane, center))) continue;
     consider(best, other.plane, cells.around[cell], center, cells.limits);
   }
-  cells.candidates[cell * cells.shares + share] = best;
+  cells.candidates[cell * cells.threads + thread] = best;
 }
 
 /// Writes `found` of a cell: its previous plane, or that of another cell if that explains the surroundings better.
-/// Without either after the last step: a plane that agrees with the external one, or else the external one.
-template <class Views>
-PMSP_HD void choose_plane(const PriorCells<Views>& cells, int column, int row) {
+/// Without either after the last step: a plane that agrees with that of the prior depth, or else that of the prior
+/// depth.
+template <class ViewTypes>
+PMSP_HD void choose_plane(const PriorCells<ViewTypes>& cells, int column, int row) {
   const int cell = row * cells.columns + column;
-  PriorPlane best = cells.before[cell];
+  PriorPlane best = cells.previous[cell];
   if (may_adopt(cells, cell)) take_candidate(cells, column, row, best);
-  if (best.supports == 0 && cells.external != nullptr && cells.stride == 1) {
-    const Vec3<float> external_plane = corrected_external(cells, column, row);
-    best.plane = is_point(external_plane) ? agreeing_plane(cells, column, row, external_plane) : external_plane;
-    if (!is_point(best.plane)) best.plane = external_plane;
+  if (best.supports == 0 && cells.prior_depth_planes != nullptr && cells.stride == 1) {
+    const Vec3<float> prior_depth_plane = corrected_prior_depth(cells, column, row);
+    best.plane =
+        is_point(prior_depth_plane) ? agreeing_plane(cells, column, row, prior_depth_plane) : prior_depth_plane;
+    if (!is_point(best.plane)) best.plane = prior_depth_plane;
   }
   cells.found[cell] = best;
 }
 
 /// Steps over all cells, one after the other.
-enum class PriorStep { kPixels, kSupports, kSurroundings, kCandidates, kPlanes, kOffers, kChoice };
+enum class PriorStep { kPixels, kSupports, kSurroundings, kCandidates, kPlanes, kAdoption, kChoice };
 
 /// A step; a stage over the cells, over the directions of each cell, or over its shares.
-template <class Views, PriorStep step>
+template <class ViewTypes, PriorStep step>
 struct PriorCellStep {
   static constexpr int kCounts = 0;
   static constexpr bool kShared =
-      step == PriorStep::kPixels || step == PriorStep::kCandidates || step == PriorStep::kOffers;
+      step == PriorStep::kPixels || step == PriorStep::kCandidates || step == PriorStep::kAdoption;
 
-  PriorCells<Views> cells;
+  PriorCells<ViewTypes> cells;
 
   PMSP_HD int width() const {
-    if (step == PriorStep::kCandidates) return (cells.columns + 1) / 2 * cells.shares;
-    return cells.columns * (step == PriorStep::kSurroundings ? kPriorDirections : kShared ? cells.shares : 1);
+    if (step == PriorStep::kCandidates) return (cells.columns + 1) / 2 * cells.threads;
+    return cells.columns * (step == PriorStep::kSurroundings ? kPriorDirections : kShared ? cells.threads : 1);
   }
   PMSP_HD int height() const { return cells.rows; }
 
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
     if constexpr (step == PriorStep::kSurroundings) {
       find_surroundings(cells, at.column % cells.columns, at.row, at.column / cells.columns);
     } else if constexpr (kShared) {
-      const int cell = at.column / cells.shares;
+      const int cell = at.column / cells.threads;
       const int column = step == PriorStep::kCandidates ? 2 * cell + (at.row & 1) : cell;  // see has_candidates
       if (column >= cells.columns) return;
-      const int share = at.column % cells.shares;
+      const int share = at.column % cells.threads;
       if constexpr (step == PriorStep::kPixels) examine_pixels(cells, column, at.row, share);
       if constexpr (step == PriorStep::kCandidates) try_planes(cells, column, at.row, share);
-      if constexpr (step == PriorStep::kOffers) try_adopted(cells, column, at.row, share);
+      if constexpr (step == PriorStep::kAdoption) try_adopted(cells, column, at.row, share);
     } else {
       if constexpr (step == PriorStep::kSupports) find_support(cells, at.column, at.row);
       if constexpr (step == PriorStep::kPlanes) find_plane(cells, at.column, at.row);
@@ -635,8 +641,8 @@ struct PriorCellStep {
 /// Prior plane of a pixel of the map; zero = none. Far planes of cells are not used for pixels with a finite depth
 /// according to the image, unless these are white: the patch of an overexposed pixel has the depth of the edge beside
 /// it.
-template <class Views>
-PMSP_HD Vec3<float> prior_at(const PriorCells<Views>& cells, int x, int y) {
+template <class ViewTypes>
+PMSP_HD Vec3<float> prior_at(const PriorCells<ViewTypes>& cells, int x, int y) {
   const Vec3<float> none{0.0F, 0.0F, 0.0F};
   const int index = y * cells.map.width + x;
   const Vec3<float> bearing = cells.bearing_at(x, y);
@@ -645,17 +651,17 @@ PMSP_HD Vec3<float> prior_at(const PriorCells<Views>& cells, int x, int y) {
   if (looks_far(cells, index, inverse_depth)) return far_plane(bearing);
   const int cell = y * cells.rows / cells.map.height * cells.columns + x * cells.columns / cells.map.width;
   const Vec3<float> plane = cells.found[cell].plane;
-  if (!is_far(dot(plane, bearing))) return is_unsure(cells, index, inverse_depth) ? plane : none;
+  if (!is_far(dot(plane, bearing))) return is_uncertain(cells, index, inverse_depth) ? plane : none;
   const bool may_be_far = inverse_depth < kFiniteErrors * inverse_error(cells, index);
   return may_be_far || sample(cells.image, bearing) >= kWhite ? plane : none;
 }
 
 /// Image evidence of each pixel's depth; a stage.
-template <class Views>
+template <class ViewTypes>
 struct FindEvidence {
   static constexpr int kCounts = 0;
 
-  typename Views::Cube image;
+  typename ViewTypes::Cube image;
   GridView grid;
   Baselines baselines;
   float spacing;     ///< of samples (tangent of the angle)
@@ -666,7 +672,7 @@ struct FindEvidence {
   PMSP_HD int height() const { return grid.height; }
 
   template <class F>
-  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<F>& at, MaskOf<F>* /*counted*/) const {
     const PatchFrame<F> frame = patch_frame(gather<F>(grid.sin_lon, at.column), gather<F>(grid.cos_lon, at.column),
                                             F(grid.sin_lat[at.row]), F(grid.cos_lat[at.row]), F(spacing));
     const DepthEvidence<F> evidence = depth_evidence(image, frame, spacing, baselines);
@@ -676,17 +682,17 @@ struct FindEvidence {
 };
 
 /// Prior planes of the pixels; a stage.
-template <class Views>
+template <class ViewTypes>
 struct PixelPriors {
   static constexpr int kCounts = 0;
 
-  PriorCells<Views> cells;
-  typename Views::Planes to;  ///< scores are 0
+  PriorCells<ViewTypes> cells;
+  typename ViewTypes::Planes to;  ///< scores are 0
 
   PMSP_HD int width() const { return cells.map.width; }
   PMSP_HD int height() const { return cells.map.height; }
 
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
     put(to, static_cast<std::size_t>(at.first), 1, Hypothesis<float>{prior_at(cells, at.column, at.row), 0.0F});
   }
 };

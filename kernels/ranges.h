@@ -18,9 +18,9 @@ struct RangeMapView {
 };
 
 struct FreeSpaceLimits {
-  float min_through;  ///< maximum range over nearest depth of a point that is seen through; below min_near
-  float min_near;     ///< minimum range over nearest depth of a point on the surface
-  float max_far;      ///< maximum range over farthest depth of a point on the surface
+  float min_through;  ///< seen through: range / nearest below this; less than min_near
+  float min_near;     ///< on the surface: range / nearest from this
+  float max_far;      ///< on the surface: range / farthest up to this
 };
 
 /// Evidence of a keyframe on a point; at most one of the two masks is set.
@@ -59,11 +59,11 @@ struct Viewer {
 constexpr int kRangeCell = 2;
 
 /// Range map of a keyframe (pmsp::range_map); a stage over its cells.
-template <class Views>
+template <class ViewTypes>
 struct FindRanges {
   static constexpr int kCounts = 0;
 
-  FilteredMap<typename Views::Map> map;
+  FilteredMap<typename ViewTypes::Map> map;
   GridView grid;  ///< of the map
   float* nearest;
   float* farthest;
@@ -72,7 +72,7 @@ struct FindRanges {
   PMSP_HD int height() const { return grid.height / kRangeCell; }
 
   template <class F>
-  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<F>& at, MaskOf<F>* /*counted*/) const {
     F low(0);
     F high(0);
     for (int i = 0; i < kRangeCell * kRangeCell; ++i) {

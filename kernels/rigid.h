@@ -39,17 +39,17 @@ PMSP_HD Vec3<F> translation(const Rigid& m) {
 
 /// Value for the lens of a direction with this z: `forward`, or its negative for the rear lens.
 template <class F>
-PMSP_HD F of_lens(const F& z, const F& forward) {
+PMSP_HD F signed_lens_offset(const F& z, const F& forward) {
   return select(z < F(0), F(0) - forward, forward);
 }
 
 /// Translation from lens to lens, for the source's point `bearing` / `inverse_depth`. `turned`: `bearing`, rotated.
 template <class F>
 PMSP_HD Vec3<F> translation(const Rigid& m, const Vec3<F>& bearing, const Vec3<F>& turned, const F& inverse_depth) {
-  const Vec3<F> t{F(m.t[0]) + of_lens(bearing.z, F(m.source_lens[0])),
-                  F(m.t[1]) + of_lens(bearing.z, F(m.source_lens[1])),
-                  F(m.t[2]) + of_lens(bearing.z, F(m.source_lens[2]))};
-  return {t.x, t.y, t.z - of_lens(fma(inverse_depth, t.z, turned.z), F(m.target_lens))};
+  const Vec3<F> t{F(m.t[0]) + signed_lens_offset(bearing.z, F(m.source_lens[0])),
+                  F(m.t[1]) + signed_lens_offset(bearing.z, F(m.source_lens[1])),
+                  F(m.t[2]) + signed_lens_offset(bearing.z, F(m.source_lens[2]))};
+  return {t.x, t.y, t.z - signed_lens_offset(fma(inverse_depth, t.z, turned.z), F(m.target_lens))};
 }
 
 /// Transforms a point from its lens in the source to its lens in the target.

@@ -14,37 +14,37 @@
 //
 //   static constexpr int kCounts;                  // number of counters
 //   int width() const; int height() const;         // of the image
-//   template <class F> void operator()(const Place<F>& at, MaskOf<F>* counted) const;
+//   template <class F> void operator()(const RowPixels<F>& at, MaskOf<F>* counted) const;
 //
-// `Views` names the view types of a processor: Map (planes to read), Planes (planes to write), State (planes in
+// `ViewTypes` names the view types of a processor: Map (planes to read), Planes (planes to write), State (planes in
 // checkerboard order), Cube (images), Mask (unmasked pixels), Landmarks and Warped (initial planes).
 namespace pmsp::kernels {
 
 /// Current pixel or pixels of a stage.
 template <class F>
-struct Place {
+struct RowPixels {
   IntOf<F> column, index;  ///< of each lane, in row order; lanes beyond the last column repeat it
   int row;
   int first;  ///< index of the first lane
   int count;  ///< lanes up to the last column
 };
 
-/// Place of a single pixel.
-PMSP_HD Place<float> place_of(int column, int row, int width) {
+/// A single pixel.
+PMSP_HD RowPixels<float> single_pixel(int column, int row, int width) {
   const int index = row * width + column;
   return {column, index, row, index, 1};
 }
 
 template <class F>
-PMSP_HD Vec3<F> bearing_at(const GridView& grid, const Place<F>& at) {
+PMSP_HD Vec3<F> bearing_at(const GridView& grid, const RowPixels<F>& at) {
   return bearing(gather<F>(grid.sin_lon, at.column), gather<F>(grid.cos_lon, at.column), F(grid.sin_lat[at.row]),
                  F(grid.cos_lat[at.row]));
 }
 
 /// Index of the pixel at offset (dx, dy), across seam and poles.
 template <class F>
-PMSP_HD IntOf<F> index_beside(const GridView& grid, const Place<F>& at, int dx, int dy) {
-  const Beside<F> there = beside<F>(grid, at.column, at.row, dx, dy);
+PMSP_HD IntOf<F> wrapped_index(const GridView& grid, const RowPixels<F>& at, int dx, int dy) {
+  const WrappedPixel<F> there = wrapped_pixel<F>(grid, at.column, at.row, dx, dy);
   return there.row * IntOf<F>(grid.width) + there.column;
 }
 
@@ -87,16 +87,16 @@ PMSP_HD Hypothesis<F> in_ring(const PlaneArrays& from, std::size_t first, int k,
 
 /// Mask: 0 = ignored; nullptr = none.
 struct ByteMask {
-  const std::uint8_t* usable;
+  const std::uint8_t* unmasked;
 };
 template <class F>
-PMSP_HD MaskOf<F> is_usable(const ByteMask& mask, const IntOf<F>& index) {
-  if (mask.usable == nullptr) return F(1) > F(0);
-  return from_uint<F>(gather_bytes<F>(mask.usable, index)) > F(0);
+PMSP_HD MaskOf<F> is_unmasked(const ByteMask& mask, const IntOf<F>& index) {
+  if (mask.unmasked == nullptr) return F(1) > F(0);
+  return from_uint<F>(gather_bytes<F>(mask.unmasked, index)) > F(0);
 }
 
 /// View types of the CPU.
-struct HostViews {
+struct HostViewTypes {
   using Map = PlaneMapView;
   using Planes = PlaneArrays;
   using State = PlaneArrays;

@@ -15,7 +15,7 @@ constexpr float kClearlyMoreExact = 0.75F;  ///< maximum expected error, over th
 /// Whether a pixel is not suppressed. It is suppressed by a clearly more accurate one with a surface within `radius`
 /// times the pixel's own expected error, both across its ray and along it.
 template <class F, class Map>
-PMSP_HD MaskOf<F> is_best_around(const FilteredMap<Map>& map, const GridView& grid, const Place<F>& at,
+PMSP_HD MaskOf<F> is_best_around(const FilteredMap<Map>& map, const GridView& grid, const RowPixels<F>& at,
                                  const Vec3<F>& bearing, const F& depth, const F& confidence, float radius) {
   const F error = error_of_confidence(confidence);
   const F reach = F(radius) * error;
@@ -29,9 +29,9 @@ PMSP_HD MaskOf<F> is_best_around(const FilteredMap<Map>& map, const GridView& gr
     for (int k = 0; k < 9; ++k) {
       if (k == 4) continue;  // the pixel itself
       const int dx = static_cast<int>(stretch * static_cast<float>((k % 3 - 1) * distance));
-      const IntOf<F> there = index_beside(grid, at, dx, (k / 3 - 1) * distance);
+      const IntOf<F> there = wrapped_index(grid, at, dx, (k / 3 - 1) * distance);
       const MaskOf<F> exact = error_of_confidence(gather<F>(map.confidence, there)) <=
-                              F(kClearlyMoreExact) * error;  // largest without a depth
+                              F(kClearlyMoreExact) * error;  // without depth: confidence 0, maximum error
       const F off = abs(depth * dot(plane_at<F>(map, there), bearing) - F(1));
       found = select(open & exact & (off <= reach), F(1), found);
     }

@@ -13,7 +13,7 @@ enum class PointStatus : std::uint8_t {
   kNone = 0,     ///< no point: no depth, confidence too low, or removed by the free-space test
   kOpen = 1,     ///< undecided in duplicate removal
   kKept = 2,     ///< point of the cloud
-  kDropped = 3,  ///< a duplicate is kept
+  kDropped = 3,  ///< duplicate of a kept point
 };
 
 /// Upper 6 bits: confidence, 0 to 1, in steps of 1/63. Lower 2 bits: status.
@@ -30,7 +30,7 @@ PMSP_HD UIntOf<F> pack_status(const F& confidence, PointStatus status) {
   return (confidence_level(confidence) << 2) | UIntOf<F>(static_cast<std::uint32_t>(status));
 }
 PMSP_HD PointStatus status_of(std::uint8_t packed) { return static_cast<PointStatus>(packed & 3U); }
-PMSP_HD std::uint8_t with_standing(std::uint8_t packed, PointStatus status) {
+PMSP_HD std::uint8_t with_status(std::uint8_t packed, PointStatus status) {
   return static_cast<std::uint8_t>((packed & 0xfcU) | static_cast<unsigned>(status));
 }
 

@@ -33,33 +33,33 @@ constexpr float kThinThingShare = 0.05F;   ///< minimum weight of the samples on
 PMSP_HD int median_offset(int k) { return kMedianStep * (k - kMedianSide / 2); }
 
 /// Replaces planes by the weighted median of the surroundings; a stage. Unmasked pixels without a plane get one.
-template <class Views>
+template <class ViewTypes>
 struct WeightedMedian {
   static constexpr int kCounts = 0;
 
-  typename Views::Map map;
+  typename ViewTypes::Map map;
   GridView grid;
   const std::uint32_t* color;  ///< per pixel red, green, blue, from the lowest byte
-  typename Views::Mask mask;
-  typename Views::Planes to;
+  typename ViewTypes::Mask mask;
+  typename ViewTypes::Planes to;
 
   PMSP_HD int width() const { return grid.width; }
   PMSP_HD int height() const { return grid.height; }
 
   template <class F>
-  PMSP_HD void operator()(const Place<F>& at, MaskOf<F>* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<F>& at, MaskOf<F>* /*counted*/) const {
     F inverse_depth[kMedianSamples];
     F weight[kMedianSamples];
     filter(at, inverse_depth, weight);
   }
 
   /// `inverse_depth`, `weight`: storage for kMedianSamples numbers.
-  template <class F, class Room>
-  PMSP_HD void filter(const Place<F>& at, Room inverse_depth, Room weight) const {
+  template <class F, class Storage>
+  PMSP_HD void filter(const RowPixels<F>& at, Storage inverse_depth, Storage weight) const {
     const Vec3<F> bearing = bearing_at(grid, at);
     Hypothesis<F> found{plane_at<F>(map, at.index), score_at<F>(map, at.index)};
     const F own = dot(found.plane, bearing);
-    const MaskOf<F> wanted = is_usable<F>(mask, at.index);
+    const MaskOf<F> wanted = is_unmasked<F>(mask, at.index);
     MaskOf<F> differs = wanted & (own <= F(0));
     for_each_sample(at, [&](int k, const IntOf<F>& there, int /*square*/) {
       const F inverse = dot(plane_at<F>(map, there), bearing);
@@ -88,14 +88,14 @@ struct WeightedMedian {
 
  private:
   /// Calls visit(sample number, pixel index, squared distance from the middle [px]).
-  template <class F, class Visit>
-  PMSP_HD void for_each_sample(const Place<F>& at, const Visit& visit) const {
+  template <class F, class PixelContext>
+  PMSP_HD void for_each_sample(const RowPixels<F>& at, const PixelContext& visit) const {
     const F width(static_cast<float>(grid.width));
     const float stretch = column_stretch(grid, at.row, kMedianReach);
     PMSP_ROLL
     for (int j = 0; j < kMedianSide; ++j) {
       const int dy = median_offset(j);
-      const Beside<F> middle = beside<F>(grid, at.column, at.row, 0, dy);
+      const WrappedPixel<F> middle = wrapped_pixel<F>(grid, at.column, at.row, 0, dy);
       const F column = from_int<F>(middle.column);
       const IntOf<F> first = middle.row * IntOf<F>(grid.width);
       PMSP_UNROLL
@@ -109,8 +109,8 @@ struct WeightedMedian {
   }
 
   /// Whether the pixel lies on a thin structure; see kOnThinThing.
-  template <class F, class Room>
-  PMSP_HD static MaskOf<F> is_thin(const F& own, const Room& inverse_depth, const Room& weight) {
+  template <class F, class Storage>
+  PMSP_HD static MaskOf<F> is_thin(const F& own, const Storage& inverse_depth, const Storage& weight) {
     const F on = F(kOnThinThing) * own;
     const F behind = F(kBehindThinThing) * own;
     F pairs_behind(0);
@@ -131,8 +131,8 @@ struct WeightedMedian {
   }
 
   /// Smallest value with half of the weight at or below it; 0 = none.
-  template <class F, class Room>
-  PMSP_HD F weighted_median(const Place<F>& at, const Room& inverse_depth, Room weight) const {
+  template <class F, class Storage>
+  PMSP_HD F weighted_median(const RowPixels<F>& at, const Storage& inverse_depth, Storage weight) const {
     constexpr float kInSpace = 0.5F / (kMedianSigmaSpace * kMedianSigmaSpace);
     constexpr float kInColor = 0.5F / (kMedianSigmaColor * kMedianSigmaColor);
     const Vec3<F> own = color_of<F>(gather_words<F>(color, at.index));
@@ -142,11 +142,11 @@ struct WeightedMedian {
     for_each_sample(at, [&](int k, const IntOf<F>& there, int square) {
       const Vec3<F> apart = color_of<F>(gather_words<F>(color, there)) - own;
       const F score = min(max(score_at<F>(map, there), F(0.05F)), F(1));
-      const F twice = score * score;
+      const F score_square = score * score;
       const F unlike = fma(F(kInColor), dot(apart, apart), F(kInSpace * static_cast<float>(square)));
-      const F likeness = kernels::exp(F(0) - min(unlike, F(60)));
+      const F similarity = kernels::exp(F(0) - min(unlike, F(60)));
       const F inverse = inverse_depth[k];
-      const F counts = select(inverse > F(0), likeness * twice * twice, F(0));
+      const F counts = select(inverse > F(0), similarity * score_square * score_square, F(0));
       weight[k] = counts;
       total = total + counts;
       low = select(inverse > F(0), min(low, inverse), low);

@@ -11,17 +11,17 @@
 // with the largest share of the sphere are kept.
 namespace pmsp::kernels {
 
-constexpr int kFieldColumns = 16;  ///< number of fields in a row
-constexpr int kFieldRows = 8;
-constexpr int kFields = kFieldColumns * kFieldRows;
-constexpr int kFieldSide = 20;             ///< points along each side of a field, for the fit
-constexpr float kLeastOfField = 0.3F;      ///< minimum share of them with a depth, and on the plane
-constexpr float kOnPlane = 0.01F;          ///< maximum relative deviation of points on a plane
-constexpr int kSphereRows = 32;            ///< rows of the lattice that measures a plane's share of the sphere
-constexpr float kLeastOfSphere = 0.02F;    ///< minimum share
-constexpr float kOnePlaneCos = 0.97F;      ///< minimum cosine between normals of equal planes ...
-constexpr float kOnePlaneDistance = 0.1F;  ///< ... and maximum relative difference of their distances
-constexpr int kWidePlanes = 4;             ///< maximum number per keyframe
+constexpr int kTileColumns = 16;  ///< number of fields in a row
+constexpr int kTileRows = 8;
+constexpr int kTiles = kTileColumns * kTileRows;
+constexpr int kTileSide = 20;               ///< points along each side of a tile, for the fit
+constexpr float kMinTileShare = 0.3F;       ///< minimum share of them with a depth, and on the plane
+constexpr float kOnPlane = 0.01F;           ///< maximum relative deviation of points on a plane
+constexpr int kSphereRows = 32;             ///< rows of the lattice that measures a plane's share of the sphere
+constexpr float kLeastOfSphere = 0.02F;     ///< minimum share
+constexpr float kSamePlaneCos = 0.97F;      ///< minimum cosine between normals of equal planes ...
+constexpr float kSamePlaneDistance = 0.1F;  ///< ... and maximum relative difference of their distances
+constexpr int kWidePlanes = 4;              ///< maximum number per keyframe
 
 /// Plane v: v . X = 1 for its points X, in the keyframe's frame; 0 = none.
 struct WidePlane {
@@ -36,39 +36,40 @@ PMSP_HD Vec3<float> surfel_point(const std::uint32_t* surfels, const GridView& g
 
 PMSP_HD float off_plane(const Vec3<float>& plane, const Vec3<float>& point) { return abs(dot(plane, point) - 1.0F); }
 
-constexpr float kWantedOfField = kLeastOfField * kFieldSide * kFieldSide;
+constexpr float kMinTilePoints = kMinTileShare * kTileSide * kTileSide;
 
-/// Sums over points of a field. A field's work is divided among kFieldSide threads, one per column of its lattice.
-struct FieldSums {
+/// Sums over points of a tile of the sphere. A tile's work is divided among kTileSide threads, one per column of its
+/// lattice.
+struct TileSums {
   float xx, xy, xz, yy, yz, zz;  ///< of products of coordinates [`unit` squared]
   Vec3<float> sum;               ///< of points [`unit`]
   float count, unit;
 };
 
-/// Share of a field's work.
-struct FieldShare {
-  int column, row;  ///< of the field
+/// Share of a tile's work.
+struct TileThread {
+  int column, row;  ///< of the tile
   int number;
 };
 
-/// Field and share of a stage over all shares of all fields.
-PMSP_HD FieldShare field_share(const Place<float>& at) {
-  return {at.column / kFieldSide, at.row, at.column % kFieldSide};
+/// Tile and thread of a stage over all threads of all tiles.
+PMSP_HD TileThread tile_thread(const RowPixels<float>& at) {
+  return {at.column / kTileSide, at.row, at.column % kTileSide};
 }
 
-/// Point i (below kFieldSide) of a share.
-PMSP_HD Vec3<float> field_point(const std::uint32_t* surfels, const GridView& grid, const FieldShare& share, int i) {
-  const int column = (share.column * kFieldSide + share.number) * grid.width / (kFieldColumns * kFieldSide);
-  const int row = (share.row * kFieldSide + i) * grid.height / (kFieldRows * kFieldSide);
+/// Point i (below kTileSide) of a thread.
+PMSP_HD Vec3<float> tile_point(const std::uint32_t* surfels, const GridView& grid, const TileThread& thread, int i) {
+  const int column = (thread.column * kTileSide + thread.number) * grid.width / (kTileColumns * kTileSide);
+  const int row = (thread.row * kTileSide + i) * grid.height / (kTileRows * kTileSide);
   return surfel_point(surfels, grid, column, row);
 }
 
-/// Least-squares plane of a field from the sums of its shares; zero if there are too few points.
-PMSP_HD Vec3<float> plane_of_sums(const FieldSums* shares) {
+/// Least-squares plane of a tile from the sums of its threads; zero if there are too few points.
+PMSP_HD Vec3<float> plane_of_sums(const TileSums* threads) {
   const Vec3<float> none{0.0F, 0.0F, 0.0F};
-  FieldSums all{};
-  for (int i = 0; i < kFieldSide; ++i) {
-    const FieldSums& one = shares[i];
+  TileSums all{};
+  for (int i = 0; i < kTileSide; ++i) {
+    const TileSums& one = threads[i];
     if (one.count == 0.0F) continue;
     if (all.count == 0.0F) all.unit = one.unit;
     const float scale = one.unit / all.unit;
@@ -82,7 +83,7 @@ PMSP_HD Vec3<float> plane_of_sums(const FieldSums* shares) {
     all.sum = fma(scale, one.sum, all.sum);
     all.count += one.count;
   }
-  if (all.count < kWantedOfField) return none;
+  if (all.count < kMinTilePoints) return none;
   const Vec3<float> x{all.xx, all.xy, all.xz};
   const Vec3<float> y{all.xy, all.yy, all.yz};
   const Vec3<float> z{all.xz, all.yz, all.zz};
@@ -93,28 +94,28 @@ PMSP_HD Vec3<float> plane_of_sums(const FieldSums* shares) {
 }
 
 /// Maximum deviation from the plane of the previous fit for points of a fit; the first fit uses all.
-constexpr float kFieldReach[] = {1e30F, 0.2F, 0.05F, 0.02F};
+constexpr float kTileReach[] = {1e30F, 0.2F, 0.05F, 0.02F};
 
-/// Fit of the planes of all fields; a stage over the shares.
-struct FitFields {
+/// Fit of the planes of all tiles; a stage over the threads.
+struct FitTiles {
   static constexpr int kCounts = 0;
 
   const std::uint32_t* surfels;
   GridView grid;
-  const FieldSums* before;  ///< of the previous fit; nullptr = none
+  const TileSums* previous;  ///< of the previous fit; nullptr = none
   float reach;
-  FieldSums* sums;
+  TileSums* sums;
 
-  PMSP_HD int width() const { return kFieldColumns * kFieldSide; }
-  PMSP_HD int height() const { return kFieldRows; }
+  PMSP_HD int width() const { return kTileColumns * kTileSide; }
+  PMSP_HD int height() const { return kTileRows; }
 
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
-    const FieldShare share = field_share(at);
+  PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
+    const TileThread thread = tile_thread(at);
     Vec3<float> plane{0.0F, 0.0F, 0.0F};
-    if (before != nullptr) plane = plane_of_sums(before + (at.index - share.number));
-    FieldSums own{};
-    for (int i = 0; i < kFieldSide; ++i) {
-      Vec3<float> point = field_point(surfels, grid, share, i);
+    if (previous != nullptr) plane = plane_of_sums(previous + (at.index - thread.number));
+    TileSums own{};
+    for (int i = 0; i < kTileSide; ++i) {
+      Vec3<float> point = tile_point(surfels, grid, thread, i);
       const float square = dot(point, point);
       if (!(square > 0.0F) || !(off_plane(plane, point) < reach)) continue;
       if (own.count == 0.0F) own.unit = sqrt(square);
@@ -132,34 +133,34 @@ struct FitFields {
   }
 };
 
-/// Support of a field's plane, from one of its shares.
+/// Support of a tile's plane, from one of its threads.
 struct FieldSupport {
   float points;  ///< points of the share on the plane
   float sphere;  ///< weight of the points on the plane, in a part of the lattice on the sphere
 };
 
-/// Measures the support of planes; a stage over the shares.
-struct MeasureFields {
+/// Measures the support of planes; a stage over the threads.
+struct MeasureTiles {
   static constexpr int kCounts = 0;
 
   const std::uint32_t* surfels;
   GridView grid;
-  const FieldSums* sums;  ///< of the last fit
+  const TileSums* sums;  ///< of the last fit
   FieldSupport* supports;
 
-  PMSP_HD int width() const { return kFieldColumns * kFieldSide; }
-  PMSP_HD int height() const { return kFieldRows; }
+  PMSP_HD int width() const { return kTileColumns * kTileSide; }
+  PMSP_HD int height() const { return kTileRows; }
 
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
-    const FieldShare share = field_share(at);
-    const Vec3<float> plane = plane_of_sums(sums + (at.index - share.number));
+  PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
+    const TileThread thread = tile_thread(at);
+    const Vec3<float> plane = plane_of_sums(sums + (at.index - thread.number));
     FieldSupport own{0.0F, 0.0F};
     const bool is_there = dot(plane, plane) > 0.0F;
-    for (int i = 0; i < kFieldSide && is_there; ++i) {
-      const Vec3<float> point = field_point(surfels, grid, share, i);
+    for (int i = 0; i < kTileSide && is_there; ++i) {
+      const Vec3<float> point = tile_point(surfels, grid, thread, i);
       own.points += off_plane(plane, point) < kOnPlane ? 1.0F : 0.0F;
     }
-    for (int i = share.number; i < 2 * kSphereRows * kSphereRows && is_there; i += kFieldSide) {
+    for (int i = thread.number; i < 2 * kSphereRows * kSphereRows && is_there; i += kTileSide) {
       const int row = (2 * (i / (2 * kSphereRows)) + 1) * grid.height / (2 * kSphereRows);
       const int column = (2 * (i % (2 * kSphereRows)) + 1) * grid.width / (4 * kSphereRows);
       const Vec3<float> point = surfel_point(surfels, grid, column, row);
@@ -174,33 +175,33 @@ struct FindWidePlanes {
   static constexpr int kCounts = 0;
 
   GridView grid;
-  const FieldSums* sums;
+  const TileSums* sums;
   const FieldSupport* supports;
   WidePlane* found;
 
-  PMSP_HD int width() const { return kFieldColumns; }
-  PMSP_HD int height() const { return kFieldRows; }
+  PMSP_HD int width() const { return kTileColumns; }
+  PMSP_HD int height() const { return kTileRows; }
 
-  PMSP_HD void operator()(const Place<float>& at, bool* /*counted*/) const {
-    const int first = at.index * kFieldSide;
+  PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
+    const int first = at.index * kTileSide;
     FieldSupport all{0.0F, 0.0F};
-    for (int i = first; i < first + kFieldSide; ++i) {
+    for (int i = first; i < first + kTileSide; ++i) {
       all.points += supports[i].points;
       all.sphere += supports[i].sphere;
     }
     float sphere = 0.0F;
     for (int i = 0; i < kSphereRows; ++i) sphere += grid.cos_lat[(2 * i + 1) * grid.height / (2 * kSphereRows)];
-    found[at.index] = all.points < kWantedOfField
+    found[at.index] = all.points < kMinTilePoints
                           ? WidePlane{{0.0F, 0.0F, 0.0F}, 0.0F}
                           : WidePlane{plane_of_sums(sums + first), all.sphere / (2.0F * kSphereRows * sphere)};
   }
 };
 
-PMSP_HD bool is_one_plane(const Vec3<float>& a, const Vec3<float>& b) {
+PMSP_HD bool is_same_plane(const Vec3<float>& a, const Vec3<float>& b) {
   const float length_a = sqrt(dot(a, a));
   const float length_b = sqrt(dot(b, b));
-  return dot(a, b) > kOnePlaneCos * length_a * length_b &&
-         abs(length_a - length_b) < kOnePlaneDistance * max(length_a, length_b);
+  return dot(a, b) > kSamePlaneCos * length_a * length_b &&
+         abs(length_a - length_b) < kSamePlaneDistance * max(length_a, length_b);
 }
 
 /// Distinct planes with the largest support; a stage of one pixel.
@@ -213,15 +214,15 @@ struct ChooseWidePlanes {
   PMSP_HD int width() const { return 1; }
   PMSP_HD int height() const { return 1; }
 
-  PMSP_HD void operator()(const Place<float>& /*at*/, bool* /*counted*/) const {
+  PMSP_HD void operator()(const RowPixels<float>& /*at*/, bool* /*counted*/) const {
     WidePlane best[kWidePlanes];
     PMSP_UNROLL
     for (int m = 0; m < kWidePlanes; ++m) {
       best[m] = {{0.0F, 0.0F, 0.0F}, kLeastOfSphere};
-      for (int i = 0; i < kFields; ++i) {
+      for (int i = 0; i < kTiles; ++i) {
         const WidePlane field = found[i];
         bool is_new = field.support > best[m].support;
-        for (int other = 0; other < m && is_new; ++other) is_new = !is_one_plane(field.plane, best[other].plane);
+        for (int other = 0; other < m && is_new; ++other) is_new = !is_same_plane(field.plane, best[other].plane);
         if (is_new) best[m] = field;
       }
     }

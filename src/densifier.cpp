@@ -59,12 +59,12 @@ bool Pipeline::add(const Keyframe& keyframe) {
     DensifierOptions sized = options_;
     fill_in_size(sized, keyframe.image.width, keyframe.image.height);  // throws before any change
   }
-  return or_stop([&] { return take(keyframe); });
+  return stop_on_exception([&] { return take(keyframe); });
 }
 
 void Pipeline::flush() {
   if (part_ && !stopped()) check_complete();
-  or_stop([&] { finish(); });
+  stop_on_exception([&] { finish(); });
 }
 
 void Pipeline::run(const KeyframeSource& keyframes) {
@@ -76,17 +76,17 @@ void Pipeline::run(const KeyframeSource& keyframes) {
     throw InvalidInput("run: the keyframe source returned keyframe " + std::to_string(keyframe.id) +
                        "; expected keyframe " + std::to_string(id));
   };
-  struct UntilTheEnd {
+  struct ResetOnReturn {
     KeyframeSource& source;
-    ~UntilTheEnd() { source = nullptr; }
+    ~ResetOnReturn() { source = nullptr; }
   };
-  const UntilTheEnd asking{reload_image_};
+  const ResetOnReturn reset{reload_image_};
   reload_image_ = [&](std::int64_t id) {
     Keyframe keyframe = pull(id);
     if (!stopped()) check_keyframe(keyframe);
     return keyframe;
   };
-  or_stop([&] {
+  stop_on_exception([&] {
     while (!stopped() && taken_ < part_->required().size()) {
       add(pull(part_->entry(part_->required()[taken_]).id));
     }
@@ -97,17 +97,17 @@ void Pipeline::run(const KeyframeSource& keyframes) {
 std::vector<std::int64_t> Pipeline::images() const {
   std::vector<std::int64_t> ids;
   if (!part_) return ids;
-  for (const std::size_t place : part_->required()) ids.push_back(part_->entry(place).id);
+  for (const std::size_t entry_index : part_->required()) ids.push_back(part_->entry(entry_index).id);
   return ids;
 }
 
 /// Whether the keyframe takes part. Throws InvalidInput if it does, but not in the order of the given plan.
 bool Pipeline::takes_part(std::int64_t id) const {
   if (!part_) return true;
-  const std::size_t place = part_->place_of(id);
-  if (!part_->takes_part(place) || ids_.count(id) != 0) return false;
+  const std::size_t entry_index = part_->entry_index_of(id);
+  if (!part_->takes_part(entry_index) || ids_.count(id) != 0) return false;
   const std::size_t expected = part_->required()[taken_];
-  if (place == expected) return true;
+  if (entry_index == expected) return true;
   throw InvalidInput("keyframe " + std::to_string(id) + " comes before keyframe " +
                      std::to_string(part_->entry(expected).id) +
                      ", which the results depend on, too; expected the order of the plan");
@@ -122,16 +122,16 @@ void Pipeline::check_complete() const {
 
 bool Pipeline::take(const Keyframe& keyframe) {
   ids_.insert(keyframe.id);
-  const std::size_t place = part_ ? part_->place_of(keyframe.id) : places_++;
-  const KeyframeUse use = part_ ? part_->entry(place).use : decide_use(keyframe);
+  const std::size_t entry_index = part_ ? part_->entry_index_of(keyframe.id) : places_++;
+  const KeyframeUse use = part_ ? part_->entry(entry_index).use : decide_use(keyframe);
   const bool used = use <= KeyframeUse::kNoRange;
   ++stats_.keyframes_added;
   ++(used ? stats_.keyframes_accepted : stats_.keyframes_rejected);
   if (use == KeyframeUse::kBlurred) ++stats_.keyframes_blurred;
   count_without_depth_map(use);
-  const bool taken = part_ ? part_->takes_part(place) : used;
+  const bool taken = part_ ? part_->takes_part(entry_index) : used;
   if (taken) {
-    prepare(keyframe, place);
+    prepare(keyframe, entry_index);
     advance(false);
   }
   engine_->deliver(false);
@@ -157,7 +157,7 @@ void Pipeline::finish() {
   order_.clear();
 }
 
-void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
+void Pipeline::prepare(const Keyframe& keyframe, std::size_t entry_index) {
   if (options_.width == 0 || options_.height == 0) {  // the required memory depends on the size
     fill_in_size(options_, keyframe.image.width, keyframe.image.height);
     options_.backend = given_options_.backend;
@@ -166,8 +166,8 @@ void Pipeline::prepare(const Keyframe& keyframe, std::size_t place) {
   }
   index_of_[keyframe.id] = order_.end();
   order_.add_keyframe();
-  views_.push_back({keyframe, engine_->prepare(keyframe), place});
-  views_.back().frame->emits_results = !part_ || part_->emits(place);
+  views_.push_back({keyframe, engine_->prepare(keyframe), entry_index});
+  views_.back().frame->emits_results = !part_ || part_->emits(entry_index);
   for (const Stage& stage : order_.schedule().stages()) {
     if (runs(stage, views_.back())) stats_.work_remaining += stage.cost();
   }
@@ -199,14 +199,14 @@ void Pipeline::run_task(const Task& task, bool last) {
   release(last);
   stats_.work_done += cost;
   stats_.work_remaining -= cost;
-  if (callbacks_.worked) callbacks_.worked();
+  if (callbacks_.progress) callbacks_.progress();
 }
 
-/// Whether the plan covers what the task reads, and the keyframe whose first planes it starts from is matched.
+/// Returns whether all inputs of the task are planned, and the first pass of the keyframe that it warps from is done.
 bool Pipeline::may_run(const Task& task, bool last) {
   if (!last && !is_planned(task)) return false;
   const Stage& stage = order_.schedule().stages()[task.stage];
-  const View& reference = view(task.keyframe);
+  const UsedKeyframe& reference = view(task.keyframe);
   const std::optional<std::int64_t>& from = entry_of(reference).first_planes;
   const bool starts = stage.kind == Stage::Kind::kMatch && stage.step == 0 && runs(stage, reference);
   return !starts || !from || order_.is_done({task.stage, index_of_.at(*from)});
@@ -216,7 +216,7 @@ bool Pipeline::may_run(const Task& task, bool last) {
 bool Pipeline::is_planned(const Task& task) {
   const Stage& stage = order_.schedule().stages()[task.stage];
   if (part_) return !options_.unordered && task.keyframe + stage.lookahead < order_.end();
-  return view(task.keyframe).place - dropped_ < planned_for(stage.kind);
+  return view(task.keyframe).entry_index - dropped_ < planned_for(stage.kind);
 }
 
 /// Returns the number of the planner's entries that are decided for stages of a kind.
@@ -236,12 +236,12 @@ std::vector<const Engine::Frame*> Pipeline::matched_frames(const std::vector<std
 }
 
 void Pipeline::run(const Stage& stage, std::int64_t i) {
-  const View& reference = view(i);
+  const UsedKeyframe& reference = view(i);
   const PlanEntry& entry = entry_of(reference);
   if (stage.kind == Stage::Kind::kMatch) {
     load_earlier_planes(reference, stage.step);
     const bool skips_pass =
-        part_ && part_->reuse(reference.place) && stage.step < options_.advanced.patchmatch.geometric_passes;
+        part_ && part_->reuse(reference.entry_index) && stage.step < options_.advanced.patchmatch.geometric_passes;
     if (skips_pass && !runs(stage, reference)) engine_->reuse_planes(*reference.frame, stage.step);
   }
   if (!runs(stage, reference)) return;
@@ -264,16 +264,16 @@ void Pipeline::run(const Stage& stage, std::int64_t i) {
   }
 }
 
-PassRange Pipeline::passes_of(const View& view) const {
+PassRange Pipeline::passes_of(const UsedKeyframe& view) const {
   const PlaneReuse* reuse = nullptr;
-  if (part_ && part_->reuse(view.place)) reuse = &*part_->reuse(view.place);
+  if (part_ && part_->reuse(view.entry_index)) reuse = &*part_->reuse(view.entry_index);
   return pass_range(reuse, options_.advanced.patchmatch.geometric_passes);
 }
 
 /// Loads planes of an earlier run before the first pass that reads them; results of the last pass, at that pass.
-void Pipeline::load_earlier_planes(const View& reference, int pass) {
-  if (!part_ || !part_->needs_earlier(reference.place)) return;
-  const bool is_result = part_->reuse(reference.place)->planes == PlaneReuse::Planes::kResult;
+void Pipeline::load_earlier_planes(const UsedKeyframe& reference, int pass) {
+  if (!part_ || !part_->needs_earlier(reference.entry_index)) return;
+  const bool is_result = part_->reuse(reference.entry_index)->planes == PlaneReuse::Planes::kResult;
   if (pass != (is_result ? passes_of(reference).last : 0)) return;
   const PlaneMap planes = load_planes_(reference.keyframe.id);
   if (planes.width() != options_.width || planes.height() != options_.height) {
@@ -286,7 +286,7 @@ void Pipeline::load_earlier_planes(const View& reference, int pass) {
 
 /// Runs a pass of PatchMatch. Passes after the first one read maps of the previous pass, never newer ones, so that
 /// results do not depend on the order of work.
-void Pipeline::match(const View& reference, int pass) {
+void Pipeline::match(const UsedKeyframe& reference, int pass) {
   const PlanEntry& entry = entry_of(reference);
   if (pass == 0 && !part_) count_without_depth_map(entry.use);
   if (!entry.has_depth_map()) return;
@@ -295,9 +295,9 @@ void Pipeline::match(const View& reference, int pass) {
   task.keyframe = &reference.keyframe;
   for (const std::int64_t id : entry.near) task.neighbours.push_back(frame_of(id));
   const PassRange passes = passes_of(reference);
-  const bool images_alone =
-      part_ && part_->reuse(reference.place) && part_->reuse(reference.place)->images_first && pass == passes.first;
-  task.near = images_alone ? 0 : entry.near.size();
+  const bool photometric = part_ && part_->reuse(reference.entry_index) &&
+                           part_->reuse(reference.entry_index)->photometric_first && pass == passes.first;
+  task.near = photometric ? 0 : entry.near.size();
   const double scale = reference.keyframe.scale;
   task.range = {std::clamp(entry.range.min / scale, kMinDepth, kMaxDepth),
                 std::clamp(entry.range.max / scale, kMinDepth, kMaxDepth)};
@@ -311,7 +311,7 @@ void Pipeline::match(const View& reference, int pass) {
 }
 
 /// Orders the window as the sequence, so that sums are rounded reproducibly.
-void Pipeline::fuse(const View& reference) {
+void Pipeline::fuse(const UsedKeyframe& reference) {
   std::vector<const Engine::Frame*> window = matched_frames(entry_of(reference).fusion);
   window.push_back(reference.frame.get());
   std::sort(window.begin(), window.end(),
@@ -323,7 +323,7 @@ void Pipeline::fuse(const View& reference) {
 /// Artefacts, views and entries that no task will read again.
 void Pipeline::release(bool last) {
   order_.release(last, [&](Artefact artefact, std::int64_t keyframe) {
-    View& released = view(keyframe);
+    UsedKeyframe& released = view(keyframe);
     if (artefact == Artefact::kLandmarks) std::vector<Landmark>().swap(released.keyframe.landmarks);
     engine_->release(*released.frame, artefact);
   });
@@ -332,7 +332,7 @@ void Pipeline::release(bool last) {
     index_of_.erase(views_.front().keyframe.id);
     views_.pop_front();
   }
-  const std::size_t needed = views_.empty() ? places_ : views_.front().place;
+  const std::size_t needed = views_.empty() ? places_ : views_.front().entry_index;
   for (; dropped_ < needed && planner_.complete() > 0; ++dropped_) drop_entries(1);
 }
 

@@ -22,8 +22,8 @@ class Table {
     rows.push_back({key, stage_, help, access});
     return *this;
   }
-  Table& named(const char* key) { return set(&OptionEntry::key, key); }
-  Table& shortly(const char* name) { return set(&OptionEntry::short_name, name); }
+  Table& key(const char* key) { return set(&OptionEntry::key, key); }
+  Table& short_name(const char* name) { return set(&OptionEntry::short_name, name); }
   Table& unit(const char* unit) { return set(&OptionEntry::unit, unit); }
   Table& range(double min, double max) { return set(&OptionEntry::min, min).set(&OptionEntry::max, max); }
   Table& even() { return set(&OptionEntry::numbers, OptionEntry::Numbers::kEven); }
@@ -61,8 +61,7 @@ class Table {
 
 void machine(Table& table) {
   table.stage("Size and machine");
-  PMSP_OPTION(width,
-              "Width of the depth maps; 0 = that of the images, enlarged by 1.5 up to 1440, at most 5760")
+  PMSP_OPTION(width, "Width of the depth maps; 0 = that of the images, enlarged by 1.5 up to 1440, at most 5760")
       .unit("px")
       .range(32, 16384)
       .even()
@@ -82,7 +81,7 @@ void machine(Table& table) {
       backend,
       "Processor of the stages; auto: CUDA if built in, with a usable device of sufficient memory, else the CPU");
   PMSP_OPTION(devices, "CUDA devices that share the work, as numbered by the driver; same results as with one")
-      .named("device")
+      .key("device")
       .range(0, 255);
   PMSP_ADVANCED_OPTION(pipelined,
                        "CUDA: copies and kernels of successive keyframes overlap; results come one keyframe later");
@@ -131,11 +130,7 @@ void init(Table& table) {
 
 void patchmatch(Table& table) {
   table.stage("PatchMatch");
-  PMSP_ADVANCED_OPTION(patchmatch.iterations, "Iterations of the first pass")
-      .range(1, 100)
-      .normal(2)
-      .high(2)
-      .paper(4);
+  PMSP_ADVANCED_OPTION(patchmatch.iterations, "Iterations of the first pass").range(1, 100).normal(2).high(2).paper(4);
   PMSP_ADVANCED_OPTION(patchmatch.neighbours, "Source views per depth map; time is proportional")
       .range(1, kernels::kMaxViews)
       .normal(4)
@@ -221,7 +216,7 @@ void fusion(Table& table) {
       .range(0, 180)
       .paper(180);
   PMSP_ADVANCED_OPTION(fusion.min_confidence, "Minimum confidence of a point")
-      .shortly("min_confidence")
+      .short_name("min_confidence")
       .range(0, 1)
       .paper(0);
   PMSP_ADVANCED_OPTION(

@@ -23,10 +23,10 @@
 namespace pmsp {
 
 /// Used keyframe with its frame.
-struct View {
+struct UsedKeyframe {
   Keyframe keyframe;  ///< without image and mask
   std::unique_ptr<Engine::Frame> frame;
-  std::size_t place;  ///< index of its plan entry; without a given plan, among all added keyframes
+  std::size_t entry_index;  ///< index of its plan entry; without a given plan, among all added keyframes
 };
 
 /// Implementation of the Densifier: runs the plan of its planner, made incrementally, or part of a given plan. A task
@@ -34,8 +34,8 @@ struct View {
 /// does not affect results. Indices count participating keyframes from the start of the sequence.
 class Pipeline {
  public:
-  /// `given`: valid. `part`: nullopt = the plan is made from the added keyframes and runs completely. `load`: returns
-  /// the planes of an earlier run that the part requires.
+  /// `given`: validated options. `part`: nullopt = the plan is made from the added keyframes and runs completely.
+  /// `load`: returns the planes of an earlier run that the part requires.
   Pipeline(const DensifierOptions& given, std::optional<PlanPart> part, PlannedCallbacks to,
            std::function<PlaneMap(std::int64_t id)> load = nullptr);
 
@@ -56,7 +56,7 @@ class Pipeline {
  private:
   /// Stops after exceptions, which may leave incomplete frames.
   template <class Work>
-  auto or_stop(const Work& work) {
+  auto stop_on_exception(const Work& work) {
     try {
       return work();
     } catch (...) {
@@ -65,11 +65,13 @@ class Pipeline {
     }
   }
 
-  View& view(std::int64_t i) { return views_[static_cast<std::size_t>(i - first_)]; }
-  const PlanEntry& entry_of(const View& view) const {
-    return part_ ? part_->entry(view.place) : planner_.entries()[view.place - dropped_];
+  UsedKeyframe& view(std::int64_t i) { return views_[static_cast<std::size_t>(i - first_)]; }
+  const PlanEntry& entry_of(const UsedKeyframe& view) const {
+    return part_ ? part_->entry(view.entry_index) : planner_.entries()[view.entry_index - dropped_];
   }
-  bool runs(const Stage& stage, const View& view) const { return !part_ || part_->runs(stage, view.place); }
+  bool runs(const Stage& stage, const UsedKeyframe& view) const {
+    return !part_ || part_->runs(stage, view.entry_index);
+  }
   Engine::Frame* frame_of(std::int64_t id) { return view(index_of_.at(id)).frame.get(); }
   std::vector<const Engine::Frame*> matched_frames(const std::vector<std::int64_t>& keyframes);
 
@@ -79,7 +81,7 @@ class Pipeline {
   KeyframeUse decide_use(const Keyframe& keyframe);
   void check_complete() const;
   void finish();
-  void prepare(const Keyframe& keyframe, std::size_t place);
+  void prepare(const Keyframe& keyframe, std::size_t entry_index);
   void advance(bool last);
   bool may_run(const Task& task, bool last);
   bool is_planned(const Task& task);
@@ -87,10 +89,10 @@ class Pipeline {
 
   void run_task(const Task& task, bool last);
   void run(const Stage& stage, std::int64_t i);
-  PassRange passes_of(const View& view) const;
-  void load_earlier_planes(const View& reference, int pass);
-  void match(const View& reference, int pass);
-  void fuse(const View& reference);
+  PassRange passes_of(const UsedKeyframe& view) const;
+  void load_earlier_planes(const UsedKeyframe& reference, int pass);
+  void match(const UsedKeyframe& reference, int pass);
+  void fuse(const UsedKeyframe& reference);
   void release(bool last);
   void drop_entries(std::size_t count);
   void count_without_depth_map(KeyframeUse use);
@@ -108,7 +110,7 @@ class Pipeline {
   std::set<std::int64_t> ids_;
   std::string backend_;             ///< backend in use, with the reason
   std::unique_ptr<Engine> engine_;  ///< declared before the views, whose frames must not outlive it
-  std::deque<View> views_;
+  std::deque<UsedKeyframe> views_;
   std::unordered_map<std::int64_t, std::int64_t> index_of_;  ///< by keyframe id
   std::size_t places_ = 0;                                   ///< keyframes passed to the planner
   std::size_t dropped_ = 0;                                  ///< released entries of the planner's plan

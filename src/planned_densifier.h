@@ -39,8 +39,8 @@ struct PlaneReuse {
   /// Number of passes, at most `patchmatch.geometric_passes` + 1. kStart: the last ones, all geometric; 0 = the planes
   /// are kept. Else the first ones, at least 1: others read their result instead of that of the missing ones.
   int passes = 0;
-  bool images_first =
-      false;  ///< kStart: the first pass is photometric, since planes from before a move confirm each other
+  /// kStart: the first pass is photometric, since planes from before a pose change agree with each other.
+  bool photometric_first = false;
 };
 
 /// PlaneReuses of a run of a given plan.

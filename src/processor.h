@@ -9,17 +9,17 @@
 // memory and transfers; StageEngine runs the pipeline on any of them. Work runs, or is queued, in the order of the
 // calls, so that output of a stage is available to later ones, and released arrays can be reused at once.
 //
-//   Views                          view types of the stages (kernels/stage.h)
+//   ViewTypes                          view types of the stages (kernels/stage.h)
 //   Keys                           keys of pixels, for the stages of kernels/init.h
 //   Cubes                          image prepared for matching; `gray` is empty if there is none
 //   Prepared                       image of a keyframe: cubes; colours and mask in the size of the depth map
-//   kPriorShares                   number of threads per prior cell
+//   kThreadsPerPriorCell                   number of threads per prior cell
 //   kMaskInColor                   whether the mask is stored in the colours
 //   Planes                         array of planes and scores, as a map or in checkerboard order
 //   Counts                         pixel counts of a stage
 //
 //   Queue                          FIFO of results in flight on all processors; its deliver(all) is Engine::deliver
-//   Mark                           point in the work of a processor
+//   ReadyEvent                           point in the work of a processor
 //
 //   number_of(context), number()   number of processors of an engine; index of this one
 //   mark()                         mark after all work so far
@@ -33,11 +33,11 @@
 //   map(planes), to(planes)                    views of planes, for reading and writing; empty without planes
 //   upload(values)                             array of a vector, for constant tables
 //   prepare(keyframe, seconds)                 Prepared
-//   gray(cubes), usable(cubes), color(colors), mask(colors, mask)   views of it
+//   gray(cubes), matchable(cubes), color(colors), mask(colors, mask)   views of it
 //   bytes(cubes)                   memory of cubes
 //   pack(cubes), packing(cubes), unpack(packed, packing)            cubes as one array, its layout, and back
 //   landmarks(keyframe, lens)       landmarks for initial planes, and their number
-//   first_planes(source, planes)   view of the planes of keys, possibly stored in `planes`
+//   planes_of_keys(source, planes)   view of the planes of keys, possibly stored in `planes`
 //   launch(stage, counts)          runs a stage over all its pixels; `counts`: nullptr = none
 //   splat(stage, count), start(pass), iterate(pass, colour, iteration, rescore), remove_duplicates(stage, candidates)
 //                                  stages with other iteration
@@ -50,9 +50,9 @@ namespace pmsp {
 
 /// Layout of cubes in one array of 16-bit words.
 struct CubePacking {
-  std::size_t count = 0;  ///< words
-  int side = 0;           ///< of the faces of the image [px]
-  int usable_side = 0;    ///< of the faces of the mask, which follow; 0 = none
+  std::size_t count = 0;   ///< words
+  int side = 0;            ///< of the faces of the image [px]
+  int matchable_side = 0;  ///< of the faces of the mask, which follow; 0 = none
 };
 
 /// Memory of a processor, reference-counted. Uninitialised.

@@ -28,55 +28,56 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
   const PlanReach reach = plan_reach(options);
   std::size_t matched = 0;
   for (int pass = 0; pass <= options.advanced.patchmatch.geometric_passes; ++pass) {
-    std::vector<Stage::Need> needs;
+    std::vector<Stage::Prerequisite> needs;
     if (pass > 0) needs.push_back({matched, reach.near});
     matched = add(Kind::kMatch, pass, std::move(needs), reach.near);
   }
   const std::size_t filtered = add(Kind::kFilter, 0, {{matched, reach.consistency}}, reach.near + reach.windows);
-  keep(Artefact::kImage, 0, {{matched, reach.near}});
-  keep(Artefact::kLandmarks, 0, {{0, 0}});
-  keep(Artefact::kPassPlanes, stages_.front().lookahead, {{matched, reach.near}});
+  add_lifetime(Artefact::kImage, 0, {{matched, reach.near}});
+  add_lifetime(Artefact::kLandmarks, 0, {{0, 0}});
+  add_lifetime(Artefact::kPassPlanes, stages_.front().lookahead, {{matched, reach.near}});
   const std::int64_t last_match = stages_[matched].lookahead;
   std::vector<Lifetime::Reader> median{{filtered, reach.consistency}};
   if (matched == 0 && options.advanced.init.warp_previous)
     median.push_back({0, 1});  // planes of the only pass are warped, too
   if (!points) {
-    keep(Artefact::kColor, 0, {{matched, 0}});
-    keep(Artefact::kFinalPlanes, last_match, std::move(median));
-    keep(Artefact::kFiltered, stages_[filtered].lookahead, {{filtered, 0}});
+    add_lifetime(Artefact::kColor, 0, {{matched, 0}});
+    add_lifetime(Artefact::kFinalPlanes, last_match, std::move(median));
+    add_lifetime(Artefact::kFiltered, stages_[filtered].lookahead, {{filtered, 0}});
     return;
   }
   const std::size_t fused = add(Kind::kFuse, 0, {{filtered, reach.fusion}}, 0);
-  keep(Artefact::kColor, 0, {{fused, reach.fusion}, {matched, 0}});  // keyframes of a halo may not be fused
+  add_lifetime(Artefact::kColor, 0, {{fused, reach.fusion}, {matched, 0}});  // keyframes of a halo may not be fused
   median.push_back({fused, reach.fusion});
-  keep(Artefact::kFinalPlanes, last_match, std::move(median));
-  keep(Artefact::kFiltered, stages_[filtered].lookahead, {{fused, reach.fusion}});
+  add_lifetime(Artefact::kFinalPlanes, last_match, std::move(median));
+  add_lifetime(Artefact::kFiltered, stages_[filtered].lookahead, {{fused, reach.fusion}});
   std::size_t decided = fused;
   if (options.advanced.free_space.enabled) {
     decided = add(Kind::kFreeSpace, 0, {{fused, 0}, {filtered, reach.viewers_after}}, reach.near + reach.viewers_after);
-    keep(Artefact::kRangeMap, stages_[filtered].lookahead, {{decided, reach.viewers_before}});
+    add_lifetime(Artefact::kRangeMap, stages_[filtered].lookahead, {{decided, reach.viewers_before}});
   }
   const int rounds = duplicate_rounds(options);
   for (int round = 1; round <= rounds; ++round) {
     decided = add(Kind::kDuplicates, round, {{decided, reach.duplicate_views}}, reach.near + reach.viewers_after);
   }
-  const std::size_t handed_out = add(Kind::kEmit, 0, {{decided, 0}}, 0);
-  keep(Artefact::kSurfels, stages_[fused].lookahead,
-       {{decided, rounds > 0 ? reach.duplicate_views : 0}, {handed_out, 0}});
+  const std::size_t emitted = add(Kind::kEmit, 0, {{decided, 0}}, 0);
+  add_lifetime(Artefact::kSurfels, stages_[fused].lookahead,
+               {{decided, rounds > 0 ? reach.duplicate_views : 0}, {emitted, 0}});
 }
 
-std::size_t Schedule::add(Stage::Kind kind, int step, std::vector<Stage::Need> needs, std::int64_t plan_delay) {
+std::size_t Schedule::add(Stage::Kind kind, int step, std::vector<Stage::Prerequisite> needs, std::int64_t plan_delay) {
   std::int64_t lookahead = plan_delay;
-  for (const Stage::Need& need : needs) lookahead = std::max(lookahead, stages_[need.stage].lookahead + need.ahead);
+  for (const Stage::Prerequisite& need : needs)
+    lookahead = std::max(lookahead, stages_[need.stage].lookahead + need.ahead);
   stages_.push_back({kind, step, std::move(needs), lookahead});
   return stages_.size() - 1;
 }
 
-void Schedule::keep(Artefact artefact, std::int64_t made_at, std::vector<Lifetime::Reader> readers) {
-  std::int64_t until = made_at;
+void Schedule::add_lifetime(Artefact artefact, std::int64_t produced, std::vector<Lifetime::Reader> readers) {
+  std::int64_t until = produced;
   for (const Lifetime::Reader& reader : readers)
     until = std::max(until, stages_[reader.stage].lookahead + reader.behind);
-  lifetimes_.push_back({artefact, std::move(readers), until - made_at + 1});
+  lifetimes_.push_back({artefact, std::move(readers), until - produced + 1});
 }
 
 const Lifetime* Schedule::lifetime(Artefact artefact) const {

@@ -25,15 +25,15 @@ enum class Artefact {
 struct Stage {
   enum class Kind { kMatch, kFilter, kFuse, kFreeSpace, kDuplicates, kEmit };
   /// Prerequisite: `stage` must have completed all keyframes up to i + `ahead`.
-  struct Need {
+  struct Prerequisite {
     std::size_t stage;
     std::int64_t ahead;
   };
 
   Kind kind;
-  int step = 0;                ///< pass of PatchMatch, or round of duplicate removal from 1
-  std::vector<Need> needs;     ///< earlier stages
-  std::int64_t lookahead = 0;  ///< number of later keyframes that must have been added
+  int step = 0;                     ///< pass of PatchMatch, or round of duplicate removal from 1
+  std::vector<Prerequisite> needs;  ///< earlier stages
+  std::int64_t lookahead = 0;       ///< number of later keyframes that must have been added
 
   /// Returns the approximate time per keyframe on a CPU [passes of PatchMatch], for progress and remaining time.
   double cost() const;
@@ -52,8 +52,8 @@ struct Lifetime {
 };
 
 /// Order of the stages and lifetimes of their artefacts: a function of the options and of whether points are requested.
-/// Counts are of used keyframes. In an unordered set any keyframe may depend on any other: stage after stage runs over
-/// all of them at the end, and `lead`, `ahead`, `behind` and `keyframes` do not apply.
+/// Counts are of accepted keyframes. In an unordered set any keyframe may depend on any other: stage after stage runs
+/// over all of them at the end, and `lookahead`, `ahead`, `behind` and `keyframes` do not apply.
 class Schedule {
  public:
   Schedule(const DensifierOptions& options, bool points);
@@ -68,8 +68,8 @@ class Schedule {
   std::int64_t keyframes_with(Artefact artefact) const;
 
  private:
-  std::size_t add(Stage::Kind kind, int step, std::vector<Stage::Need> needs, std::int64_t plan_delay);
-  void keep(Artefact artefact, std::int64_t made_at, std::vector<Lifetime::Reader> readers);
+  std::size_t add(Stage::Kind kind, int step, std::vector<Stage::Prerequisite> needs, std::int64_t plan_delay);
+  void add_lifetime(Artefact artefact, std::int64_t produced, std::vector<Lifetime::Reader> readers);
 
   std::vector<Stage> stages_;
   std::vector<Lifetime> lifetimes_;

@@ -25,7 +25,7 @@ class Spillable {
   void put(Array<T> array, std::size_t count, std::size_t room) {
     count_ = count;
     copies_.clear();
-    made_ = on_.mark();
+    ready_ = on_.mark();
     if (scratch_ == nullptr) {
       array_ = std::move(array);
       return;
@@ -50,7 +50,7 @@ class Spillable {
     for (const auto& [holder, copy] : copies_) {
       if (holder == &reader) return copy;
     }
-    return copies_.emplace_back(&reader, reader.copy_from(array_, count_, on_, made_)).second;
+    return copies_.emplace_back(&reader, reader.copy_from(array_, count_, on_, ready_)).second;
   }
   std::size_t count() const { return count_; }
 
@@ -69,7 +69,7 @@ class Spillable {
   Processor& on_;
   ScratchFile* scratch_;
   Array<T> array_;
-  typename Processor::Mark made_{};  ///< when the array is complete
+  typename Processor::ReadyEvent ready_{};  ///< when the array is complete
   mutable std::vector<std::pair<const Processor*, Array<T>>> copies_;
   std::size_t count_ = 0;
   std::size_t room_ = 0;  ///< elements in the scratch file; 0 = none

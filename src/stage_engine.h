@@ -49,21 +49,21 @@ class StageEngine final : public Engine {
 
   std::unique_ptr<Frame> prepare(const Keyframe& keyframe) override {
     const DensifierOptions& options = context_.options;
-    const std::size_t home = prepared_++ % processors_.size();
+    const std::size_t processor_index = prepared_++ % processors_.size();
     if (!scratch_ && !options.scratch_folder.empty()) scratch_ = std::make_unique<ScratchFile>(options.scratch_folder);
-    auto frame = std::make_unique<StageFrame>(keyframe, *processors_[home], home, scratch_.get(),
+    auto frame = std::make_unique<StageFrame>(keyframe, *processors_[processor_index], processor_index, scratch_.get(),
                                               options.unordered ? scratch_.get() : nullptr);
     {
       const Stopwatch watch(context_.stats.seconds_prepare);
       const double scale = options.advanced.patchmatch.image_scale;
-      const int compared = compared_size(keyframe.image.width, options.width, options.height, scale).width;
+      const int compared = matching_size(keyframe.image.width, options.width, options.height, scale).width;
       frame->noise = image_noise(keyframe.image, keyframe.mask, options.width, compared, pool_of(executor_));
     }
-    for (const auto& on : processors_) make_ready(*on);
+    for (const auto& on : processors_) initialise(*on);
     frame->cubes.resize(processors_.size());
     prepare(keyframe, *frame);
     if (options.unordered && (scratch_ || context_.reload_image)) {
-      put_away(*frame);
+      release_images(*frame);
     } else if (processors_.size() > 1) {
       pack(*frame);
     }
@@ -75,8 +75,8 @@ class StageEngine final : public Engine {
     [[maybe_unused]] const auto scope = on.enter();
     if (!on.may_continue()) return;
     StageFrame& reference = stage_frame(*task.reference);
-    auto& passed_on = reference.pass_planes[task.pass % 2];
-    passed_on.reset();
+    auto& pass_planes = reference.pass_planes[task.pass % 2];
+    pass_planes.reset();
     Planes raw = on.planes();
     const Planes priors = run_pass(task, raw, on);
     reference.matched = !cancelled();
@@ -84,7 +84,7 @@ class StageEngine final : public Engine {
     if (task.last) {
       finish_match(reference, raw, priors, task.skip_weighted_median, on);
     } else {
-      passed_on.put(std::move(raw), on.plane_numbers());
+      pass_planes.put(std::move(raw), on.plane_numbers());
     }
   }
 
@@ -114,12 +114,13 @@ class StageEngine final : public Engine {
     auto confidence = on.template array<float>(pixels());
     const auto reported = is_wanted ? on.template array<float>(pixels()) : Array<float>{};
     auto stage =
-        consistency_stage<Views>(on.map(planes), on.grid(), others.size(), context_.options.advanced.consistency,
-                                 reference.pose_error, confidence.get(), reported.get());
+        consistency_stage<ViewTypes>(on.map(planes), on.grid(), others.size(), context_.options.advanced.consistency,
+                                     reference.pose_error, confidence.get(), reported.get());
     std::vector<Planes> held;
     for (std::size_t k = 0; k < others.size(); ++k) {
       held.push_back(stage_frame(*others[k]).final_planes.get(on));
-      stage.others[k] = {on.map(held.back()), relation(others[k]->pose, reference.pose, lens()).other_from_first};
+      stage.others[k] = {on.map(held.back()),
+                         relative_pose(others[k]->pose, reference.pose, lens_offset()).other_from_first};
     }
     on.counted(
         context_.stats.seconds_consistency, [&](Counts* counts) { on.launch(stage, counts); },
@@ -146,14 +147,14 @@ class StageEngine final : public Engine {
     };
     std::vector<Held> held;  // kept while the stage reads them
     const auto view = [&](const StageFrame& member) {
-      const Relation to = relation(member.pose, reference.pose, lens());
+      const RelativePose to = relative_pose(member.pose, reference.pose, lens_offset());
       const Held& its =
           held.emplace_back(Held{member.final_planes.get(on), member.confidence.get(on), member.color.get(on)});
-      return kernels::FusionView<Views>{filtered(its.planes, its.confidence, on), on.color(its.color),
-                                        to.other_from_first, to.scale_ratio};
+      return kernels::FusionView<ViewTypes>{filtered(its.planes, its.confidence, on), on.color(its.color),
+                                            to.other_from_first, to.scale_ratio};
     };
     reference.window_ids.clear();
-    kernels::FusePixels<Views> stage{};
+    kernels::FusePixels<ViewTypes> stage{};
     stage.grid = on.grid();
     stage.limits = fusion_limits(context_.options.advanced.fusion);
     stage.pose_error = static_cast<float>(reference.pose_error);
@@ -172,9 +173,10 @@ class StageEngine final : public Engine {
     stage.to = {surfels.get(), details.get(), statuses.get(), agree.get(), agree_bytes};
     on.counted(
         context_.stats.seconds_fusion, [&](Counts* counts) { on.launch(stage, counts); },
-        [&stats = context_.stats, eligible = reference.eligible](const std::int64_t* numbers) {
+        [&stats = context_.stats,
+         points_before_duplicates = reference.points_before_duplicates](const std::int64_t* numbers) {
           stats.points_fused += numbers[0];
-          *eligible = numbers[0];
+          *points_before_duplicates = numbers[0];
         });
     reference.surfels.put(std::move(surfels), pixels());
     reference.details.put(std::move(details), pixels());
@@ -192,20 +194,20 @@ class StageEngine final : public Engine {
     auto statuses = on.template array<std::uint8_t>(pixels());
     std::vector<Array<float>> range_maps;  // kept while the stage reads them
     std::vector<kernels::Rigid> from_viewers;
-    kernels::Eligibility stage{};
+    kernels::FreeSpaceTest stage{};
     stage.surfels = surfels.get();
     stage.details = details.get();
     stage.grid = on.grid();
     for (const Frame* other : viewers) {
       const StageFrame& viewer = stage_frame(*other);
-      const Relation to = relation(viewer.pose, reference.pose, lens());
+      const RelativePose to = relative_pose(viewer.pose, reference.pose, lens_offset());
       const float* const nearest = range_maps.emplace_back(viewer.nearest.get(on)).get();
       const float* const farthest = range_maps.emplace_back(viewer.farthest.get(on)).get();
       stage.viewers[stage.count++] = {{nearest, farthest, context_.options.width / kernels::kRangeCell,
                                        context_.options.height / kernels::kRangeCell},
                                       to.other_from_first,
                                       to.scale_ratio};
-      from_viewers.push_back(relation(reference.pose, viewer.pose, lens()).other_from_first);
+      from_viewers.push_back(relative_pose(reference.pose, viewer.pose, lens_offset()).other_from_first);
     }
     stage.limits = free_space_limits(context_.options.advanced.free_space);
     stage.max_contradiction = static_cast<float>(context_.options.advanced.free_space.max_contradiction);
@@ -217,7 +219,9 @@ class StageEngine final : public Engine {
           if (context_.options.advanced.free_space.mirrors) mirrors = find_mirrors(on, from_viewers, stage);
           on.launch(stage, counts);
         },
-        [eligible = reference.eligible](const std::int64_t* numbers) { *eligible = numbers[0]; });
+        [points_before_duplicates = reference.points_before_duplicates](const std::int64_t* numbers) {
+          *points_before_duplicates = numbers[0];
+        });
     reference.statuses[0].put(std::move(statuses), pixels());
     reference.candidates.reset();  // of a previous test
   }
@@ -243,7 +247,7 @@ class StageEngine final : public Engine {
     stage.grid = on.grid();
     for (const Frame* other : others) {
       const StageFrame& viewer = stage_frame(*other);
-      const Relation to = relation(viewer.pose, reference.pose, lens());
+      const RelativePose to = relative_pose(viewer.pose, reference.pose, lens_offset());
       stage.others[stage.count++] = {view(viewer), to.other_from_first, to.scale_ratio, viewer.id < reference.id};
     }
     stage.limits = duplicate_limits(context_.options.advanced.fusion);
@@ -269,10 +273,11 @@ class StageEngine final : public Engine {
     cloud.scale = reference.pose.scale;
     cloud.window_ids = reference.window_ids;
     on.emit_points({surfels.get(), details.get(), statuses.get(), agree.get(),
-                    agree_bytes(context_.options.advanced.fusion), static_cast<float>(lens())},
+                    agree_bytes(context_.options.advanced.fusion), static_cast<float>(lens_offset())},
                    std::move(cloud), context_.stats.seconds_duplicates,
-                   [this, eligible = reference.eligible](const KeyframeCloud& made) {
-                     context_.stats.points_repeated += *eligible - static_cast<std::int64_t>(made.points.size());
+                   [this, points_before_duplicates = reference.points_before_duplicates](const KeyframeCloud& made) {
+                     context_.stats.points_repeated +=
+                         *points_before_duplicates - static_cast<std::int64_t>(made.points.size());
                      context_.results.cloud(made);
                    });
   }
@@ -294,7 +299,7 @@ class StageEngine final : public Engine {
         break;
       case Artefact::kPassPlanes:
         for (auto& raw : done.pass_planes) raw.reset();
-        done.external.reset();
+        done.prior_depth_planes.reset();
         done.evidence = {};
         break;
       case Artefact::kFinalPlanes:
@@ -320,28 +325,30 @@ class StageEngine final : public Engine {
   void deliver(bool all) override { queue_.deliver(all); }
 
  private:
-  using Views = typename Processor::Views;
-  using Map = typename Views::Map;
+  using ViewTypes = typename Processor::ViewTypes;
+  using Map = typename ViewTypes::Map;
   using Keys = typename Processor::Keys;
   using Planes = typename Processor::Planes;
   using Color = typename Processor::Color;
   using Cubes = typename Processor::Cubes;
   using Counts = typename Processor::Counts;
-  using Pass = kernels::PatchMatchPass<Views>;
+  using Pass = kernels::PatchMatchPass<ViewTypes>;
 
   /// Artefacts of a keyframe.
   struct StageFrame : Frame {
-    /// `scratch`: for artefacts that wait long; `brief`: for those that wait briefly in sequences; nullptr = in memory.
-    StageFrame(const Keyframe& keyframe, Processor& on, std::size_t at, ScratchFile* scratch, ScratchFile* brief)
+    /// `scratch`: file for long-lived arrays; `scratch_if_unordered`: for arrays that are short-lived in sequences;
+    /// nullptr = memory.
+    StageFrame(const Keyframe& keyframe, Processor& on, std::size_t at, ScratchFile* scratch,
+               ScratchFile* scratch_if_unordered)
         : Frame(keyframe),
           processor(on),
-          home(at),
-          packed(on, brief),
-          color(on, brief),
-          mask(on, brief),
-          pass_planes{{on, brief}, {on, brief}},
-          final_planes(on, brief),
-          confidence(on, brief),
+          processor_index(at),
+          packed(on, scratch_if_unordered),
+          color(on, scratch_if_unordered),
+          mask(on, scratch_if_unordered),
+          pass_planes{{on, scratch_if_unordered}, {on, scratch_if_unordered}},
+          final_planes(on, scratch_if_unordered),
+          confidence(on, scratch_if_unordered),
           nearest(on, scratch),
           farthest(on, scratch),
           surfels(on, scratch),
@@ -351,7 +358,7 @@ class StageEngine final : public Engine {
           candidates(on, scratch) {}
 
     template <class T>
-    using Waiting = Spillable<Processor, T>;
+    using SpillableArray = Spillable<Processor, T>;
 
     std::size_t bytes() const override {
       std::size_t sum = packed.bytes() + color.bytes() + mask.bytes() + pass_planes[0].bytes() +
@@ -365,26 +372,27 @@ class StageEngine final : public Engine {
 
     using Plane = typename Planes::element_type;
     Processor& processor;
-    std::size_t home;    ///< index of its processor
-    float noise = 0.0F;  ///< of the image, see image_noise
+    std::size_t processor_index;  ///< index of its processor
+    float noise = 0.0F;           ///< of the image, see image_noise
     /// Images on each processor; empty if spilled, or not yet read there.
     mutable std::vector<Cubes> cubes;
-    mutable Waiting<std::uint16_t> packed;    ///< `cubes` for other processors or later reads
-    CubePacking packing;                      ///< layout of `packed`
-    Waiting<Color> color;                     ///< of the size of the depth map
-    Waiting<std::uint8_t> mask;               ///< of the size of the depth map; empty: see Processor::mask
-    PictureEvidence evidence;                 ///< during its passes with plane priors
-    Array<kernels::Vec3<float>> external;     ///< planes of cells (external_planes); empty without prior depth
-    Waiting<Plane> pass_planes[2];            ///< after the last even and the last odd pass
-    Waiting<Plane> final_planes;              ///< after the last pass and the median filter
-    Waiting<float> confidence;                ///< after the consistency filter; 0 = no depth
-    Waiting<float> nearest, farthest;         ///< see RangeMap
-    Waiting<std::uint32_t> surfels, details;  ///< see SurfelMap
-    Waiting<std::uint8_t> agree;              ///< see SurfelMap
-    Waiting<std::uint8_t> statuses[2];        ///< after the last even and the last odd round of duplicate removal
-    Waiting<std::uint32_t> candidates;        ///< see DuplicateCandidates
-    std::vector<std::int64_t> window_ids;     ///< ids of the bits of `agree`
-    std::shared_ptr<std::int64_t> eligible = std::make_shared<std::int64_t>(0);  ///< before duplicate removal
+    mutable SpillableArray<std::uint16_t> packed;    ///< `cubes` for other processors or later reads
+    CubePacking packing;                             ///< layout of `packed`
+    SpillableArray<Color> color;                     ///< of the size of the depth map
+    SpillableArray<std::uint8_t> mask;               ///< of the size of the depth map; empty: see Processor::mask
+    EvidenceMap evidence;                            ///< during its passes with plane priors
+    Array<kernels::Vec3<float>> prior_depth_planes;  ///< planes of cells (external_planes); empty without prior depth
+    SpillableArray<Plane> pass_planes[2];            ///< after the last even and the last odd pass
+    SpillableArray<Plane> final_planes;              ///< after the last pass and the median filter
+    SpillableArray<float> confidence;                ///< after the consistency filter; 0 = no depth
+    SpillableArray<float> nearest, farthest;         ///< see RangeMap
+    SpillableArray<std::uint32_t> surfels, details;  ///< see SurfelMap
+    SpillableArray<std::uint8_t> agree;              ///< see SurfelMap
+    SpillableArray<std::uint8_t> statuses[2];  ///< after the last even and the last odd round of duplicate removal
+    SpillableArray<std::uint32_t> candidates;  ///< see DuplicateCandidates
+    std::vector<std::int64_t> window_ids;      ///< ids of the bits of `agree`
+    std::shared_ptr<std::int64_t> points_before_duplicates =
+        std::make_shared<std::int64_t>(0);  ///< before duplicate removal
   };
   static StageFrame& stage_frame(Frame& frame) { return static_cast<StageFrame&>(frame); }
   static const StageFrame& stage_frame(const Frame& frame) { return static_cast<const StageFrame&>(frame); }
@@ -398,7 +406,7 @@ class StageEngine final : public Engine {
     if constexpr (Processor::kMaskInColor) return {frame.color.get(on), nullptr};
     return {nullptr, frame.mask.get(on)};
   }
-  static typename Views::Mask view_of(const HeldMask& held, const Processor& on) {
+  static typename ViewTypes::Mask view_of(const HeldMask& held, const Processor& on) {
     return on.mask(held.color, held.mask);
   }
 
@@ -407,7 +415,7 @@ class StageEngine final : public Engine {
     Cubes reference;
     std::vector<Cubes> neighbours;
     std::vector<Planes> maps;
-    Planes before;  ///< map of the reference after the previous pass
+    Planes previous_pass;  ///< map of the reference after the previous pass
     HeldMask mask;
     Array<kernels::SparsePoint> points;
     Array<std::uint64_t> landmark_keys, warped_keys;
@@ -428,13 +436,13 @@ class StageEngine final : public Engine {
       } else if (context_.options.advanced.patchmatch.plane_priors) {
         sources.priors = on.planes();
         StageFrame& reference = stage_frame(*task.reference);
-        const kernels::Baselines baselines = baselines_of(pass.matching);
-        if (!reference.evidence.is_of(baselines)) {
-          reference.evidence = find_evidence(on, pass.matching.reference, baselines);
+        const kernels::Baselines baselines = baselines_of(pass.match_args);
+        if (!reference.evidence.matches(baselines)) {
+          reference.evidence = find_evidence(on, pass.match_args.reference, baselines);
         }
-        find_plane_priors(on, great_circles_[reference.home], reference.external, on.map(sources.before),
-                          pass.matching.reference, reference.noise, reference.evidence, pass.matching.limits,
-                          on.to(sources.priors));
+        find_plane_priors(on, great_circles_[reference.processor_index], reference.prior_depth_planes,
+                          on.map(sources.previous_pass), pass.match_args.reference, reference.noise, reference.evidence,
+                          pass.match_args.limits, on.to(sources.priors));
         pass.priors = on.map(sources.priors);
         if (task.last && !task.skip_weighted_median) reference.evidence = {};
       }
@@ -445,17 +453,17 @@ class StageEngine final : public Engine {
       if (task.pass == 0) {
         on.start(pass);
       } else {
-        on.launch(kernels::ReorderPlanes<Views>{on.map(sources.before), pass.state, false}, nullptr);
+        on.launch(kernels::ReorderPlanes<ViewTypes>{on.map(sources.previous_pass), pass.state, false}, nullptr);
       }
       run_iterations(on, pass, iterations_of(context_.options.advanced.patchmatch, task.pass), task.pass > 0,
                      [&] { return cancelled(); });
-      on.launch(kernels::ReorderPlanes<Views>{on.map(state), on.to(result), true}, nullptr);
+      on.launch(kernels::ReorderPlanes<ViewTypes>{on.map(state), on.to(result), true}, nullptr);
     });
     return std::move(sources.priors);
   }
 
   /// Returns the map after the previous pass, or the final one if the passes of the keyframe are complete.
-  static Planes before(const StageFrame& frame, int pass, Processor& on) {
+  static Planes previous_planes(const StageFrame& frame, int pass, Processor& on) {
     const auto& raw = frame.pass_planes[(pass - 1) % 2];
     return raw.count() > 0 ? raw.get(on) : frame.final_planes.get(on);
   }
@@ -465,41 +473,42 @@ class StageEngine final : public Engine {
     const StageFrame& reference = stage_frame(*task.reference);
     sources.reference = cubes_of(reference, on);
     sources.mask = mask_of(reference, on);
-    if (task.pass > 0) sources.before = before(reference, task.pass, on);
+    if (task.pass > 0) sources.previous_pass = previous_planes(reference, task.pass, on);
     for (const Frame* frame : task.neighbours) {
       if (cancelled()) return;
       const StageFrame& neighbour = stage_frame(*frame);
-      const bool lends_planes = task.pass > 0 && sources.maps.size() < task.near;
+      const bool has_planes = task.pass > 0 && sources.maps.size() < task.near;
       sources.neighbours.push_back(cubes_of(neighbour, on));
-      sources.maps.push_back(lends_planes ? before(neighbour, task.pass, on) : Planes{});
+      sources.maps.push_back(has_planes ? previous_planes(neighbour, task.pass, on) : Planes{});
     }
   }
 
-  /// Returns empty cubes after cancel. Caches them on `on` if the keyframe's processor does so.
+  /// Returns empty cubes after cancel. Copies stay on `on` if the keyframe's own processor holds its
+  /// cube maps.
   Cubes cubes_of(const StageFrame& frame, Processor& on) {
     Cubes& here = frame.cubes[on.number()];
     if (here.gray) return here;
     if (frame.packed.count() > 0) {
       Cubes cubes;
       on.timed(context_.stats.seconds_prepare, [&] { cubes = on.unpack(frame.packed.get(on), frame.packing); });
-      if (frame.cubes[frame.home].gray) {
+      if (frame.cubes[frame.processor_index].gray) {
         here = cubes;
         const auto is_there = [](const Cubes& its) { return its.gray != nullptr; };
         if (std::all_of(frame.cubes.begin(), frame.cubes.end(), is_there)) frame.packed.reset();
       }
       return cubes;
     }
-    const auto ask = [&] {
+    const auto reload = [&] {
       [[maybe_unused]] const auto scope = on.enter();  // restores the device, which the callback may change
       return context_.reload_image(frame.id);
     };
-    const Keyframe again = ask();
+    const Keyframe keyframe_again = reload();
     if (cancelled()) return {};
-    return on.prepare(again, context_.stats.seconds_prepare).cubes;
+    return on.prepare(keyframe_again, context_.stats.seconds_prepare).cubes;
   }
 
   /// Releases the cubes of a keyframe: spilled to the file, or made from the image again later.
-  void put_away(StageFrame& frame) {
+  void release_images(StageFrame& frame) {
     if (scratch_) pack(frame);
     frame.cubes.assign(processors_.size(), {});
   }
@@ -508,13 +517,13 @@ class StageEngine final : public Engine {
   void pack(StageFrame& frame) {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    const Cubes& cubes = frame.cubes[frame.home];
+    const Cubes& cubes = frame.cubes[frame.processor_index];
     frame.packing = on.packing(cubes);
     frame.packed.put(on.pack(cubes), frame.packing.count);
   }
 
   /// Sets size and tables of a processor, with the first keyframe.
-  void make_ready(Processor& on) {
+  void initialise(Processor& on) {
     [[maybe_unused]] const auto scope = on.enter();
     const DensifierOptions& options = context_.options;
     on.set_size(options.width, options.height);
@@ -535,10 +544,10 @@ class StageEngine final : public Engine {
     frame.color.put(std::move(prepared.color), pixels());
     if (prepared.mask) frame.mask.put(std::move(prepared.mask), pixels());
     if (has_priors() && !keyframe.prior_depth.empty()) {
-      frame.external =
+      frame.prior_depth_planes =
           on.upload(external_planes(keyframe.prior_depth, keyframe.scale, {options.width, options.height}));
     }
-    frame.cubes[frame.home] = std::move(prepared.cubes);
+    frame.cubes[frame.processor_index] = std::move(prepared.cubes);
   }
 
   void set_up_pass(const MatchTask& task, Pass& pass, const Sources& sources, Processor& on) const {
@@ -546,12 +555,13 @@ class StageEngine final : public Engine {
     const StageFrame& reference = stage_frame(*task.reference);
     pass.grid = on.grid();
     pass.mask = view_of(sources.mask, on);
-    pass.matching = make_matching(on.gray(sources.reference), reference.noise, options.advanced.patchmatch,
-                                  options.width, task.range, options.seed, reference.id);
+    pass.match_args = make_match_args(on.gray(sources.reference), reference.noise, options.advanced.patchmatch,
+                                      options.width, task.range, options.seed, reference.id);
     for (std::size_t i = 0; i < task.neighbours.size(); ++i) {
       const Cubes& cubes = sources.neighbours[i];
-      pass.matching.views[pass.matching.num_views++] = {
-          on.gray(cubes), on.usable(cubes), relation(task.neighbours[i]->pose, reference.pose, lens()).other_from_first,
+      pass.match_args.views[pass.match_args.num_views++] = {
+          on.gray(cubes), on.matchable(cubes),
+          relative_pose(task.neighbours[i]->pose, reference.pose, lens_offset()).other_from_first,
           on.map(sources.maps[i])};
     }
   }
@@ -561,35 +571,37 @@ class StageEngine final : public Engine {
     const InitOptions& options = context_.options.advanced.init;
     if (options.sparse_points) {
       sources.landmark_keys = on.keys();
-      const auto [points, count] = on.landmarks(*task.keyframe, lens());
+      const auto [points, count] = on.landmarks(*task.keyframe, lens_offset());
       sources.points = points;
       on.splat(
           kernels::SplatLandmarks<Keys>{
               points.get(), on.grid(), static_cast<float>(options.sparse_radius_px), {sources.landmark_keys.get()}},
           count);
       pass.landmarks =
-          on.first_planes(kernels::LandmarkPlanes{sources.landmark_keys.get(), points.get()}, sources.landmarks);
+          on.planes_of_keys(kernels::LandmarkPlanes{sources.landmark_keys.get(), points.get()}, sources.landmarks);
     }
     if (task.previous == nullptr) return;
     const StageFrame& previous = stage_frame(*task.previous);
-    sources.previous = first_planes_of(previous, on);
+    sources.previous = filtered_first_pass(previous, on);
     sources.warped_keys = on.keys();
     const Map map = on.map(sources.previous);
-    on.launch(kernels::WarpPixels<Views, Keys>{map,
-                                               on.grid(),
-                                               relation(task.reference->pose, previous.pose, lens()).other_from_first,
-                                               map.width,
-                                               map.height,
-                                               {sources.warped_keys.get()}},
-              nullptr);
-    pass.warped = on.first_planes(
+    on.launch(
+        kernels::WarpPixels<ViewTypes, Keys>{
+            map,
+            on.grid(),
+            relative_pose(task.reference->pose, previous.pose, lens_offset()).other_from_first,
+            map.width,
+            map.height,
+            {sources.warped_keys.get()}},
+        nullptr);
+    pass.warped = on.planes_of_keys(
         kernels::WarpedPlanes<Map>{sources.warped_keys.get(), map,
-                                   relation(previous.pose, task.reference->pose, lens()).other_from_first},
+                                   relative_pose(previous.pose, task.reference->pose, lens_offset()).other_from_first},
         sources.warped);
   }
 
   /// Returns the filtered planes after the first pass, on processor `on`.
-  Planes first_planes_of(const StageFrame& frame, Processor& on) {
+  Planes filtered_first_pass(const StageFrame& frame, Processor& on) {
     if (frame.final_planes.count() > 0) return frame.final_planes.get(on);
     return median_of(frame, frame.pass_planes[0].get(on), nullptr, on);
   }
@@ -597,8 +609,8 @@ class StageEngine final : public Engine {
   Planes median_of(const StageFrame& frame, const Planes& raw, Counts* counts, Processor& on) {
     Planes filtered = on.planes();
     const HeldMask mask = mask_of(frame, on);
-    on.launch(median_stage<Views>(on.map(raw), on.grid(), view_of(mask, on), context_.options.advanced.median,
-                                  on.to(filtered)),
+    on.launch(median_stage<ViewTypes>(on.map(raw), on.grid(), view_of(mask, on), context_.options.advanced.median,
+                                      on.to(filtered)),
               counts);
     return filtered;
   }
@@ -608,23 +620,24 @@ class StageEngine final : public Engine {
     const HeldMask mask = mask_of(frame, on);
     const Array<Color> color = frame.color.get(on);
     on.launch(
-        kernels::WeightedMedian<Views>{on.map(planes), on.grid(), on.color(color), view_of(mask, on), on.to(moved)},
+        kernels::WeightedMedian<ViewTypes>{on.map(planes), on.grid(), on.color(color), view_of(mask, on), on.to(moved)},
         nullptr);
     return moved;
   }
 
   void subtract_prior_bonus(const Planes& planes, const Planes& priors, const Planes& to, Processor& on) {
-    on.launch(kernels::ScoresWithoutPriors<Views>{on.map(planes), on.map(priors), on.grid(), kPriorBonus, on.to(to)},
-              nullptr);
+    on.launch(
+        kernels::ScoresWithoutPriors<ViewTypes>{on.map(planes), on.map(priors), on.grid(), kPriorBonus, on.to(to)},
+        nullptr);
   }
 
   /// Emits and filters the planes of the last pass, which have no other reader.
   void finish_match(StageFrame& reference, const Planes& raw, const Planes& priors, bool skip_weighted_median,
                     Processor& on) {
     if (context_.results.raw_depth && reference.emits_results) {
-      const Planes alone = priors ? on.planes() : Planes{};
-      if (priors) subtract_prior_bonus(raw, priors, alone, on);
-      emit_depths(reference, priors ? alone : raw, nullptr, context_.results.raw_depth, on);
+      const Planes photometric = priors ? on.planes() : Planes{};
+      if (priors) subtract_prior_bonus(raw, priors, photometric, on);
+      emit_depths(reference, priors ? photometric : raw, nullptr, context_.results.raw_depth, on);
     }
     Planes median;
     on.counted(
@@ -656,7 +669,7 @@ class StageEngine final : public Engine {
     auto nearest = on.template array<float>(cells());
     auto farthest = on.template array<float>(cells());
     on.timed(context_.stats.seconds_free_space, [&] {
-      on.launch(kernels::FindRanges<Views>{map, on.grid(), nearest.get(), farthest.get()}, nullptr);
+      on.launch(kernels::FindRanges<ViewTypes>{map, on.grid(), nearest.get(), farthest.get()}, nullptr);
     });
     frame.nearest.put(std::move(nearest), cells());
     frame.farthest.put(std::move(farthest), cells());
@@ -674,10 +687,10 @@ class StageEngine final : public Engine {
     return static_cast<std::size_t>(context_.options.width) * static_cast<std::size_t>(context_.options.height);
   }
   std::size_t cells() const { return pixels() / (kernels::kRangeCell * kernels::kRangeCell); }
-  double lens() const { return 0.5 * context_.options.lens_distance; }
+  double lens_offset() const { return 0.5 * context_.options.lens_distance; }
   bool cancelled() const { return context_.cancel.load(std::memory_order_relaxed); }
 
-  Processor& processor_of(const Frame& frame) { return *processors_[stage_frame(frame).home]; }
+  Processor& processor_of(const Frame& frame) { return *processors_[stage_frame(frame).processor_index]; }
 
   std::unique_ptr<ScratchFile> scratch_;  ///< if there is a scratch folder; declared before all users
   std::vector<std::unique_ptr<Processor>> processors_;

@@ -20,7 +20,7 @@ struct Task {
 };
 
 /// Order of the tasks of a sequence, and the time at which each artefact is released. Indices count the keyframes from
-/// the start of the sequence. The Pipeline runs it with work, MemorySimulation without.
+/// the start of the sequence. The Pipeline runs the tasks; MemorySimulation only simulates the memory they hold.
 class TaskOrder {
  public:
   TaskOrder(const DensifierOptions& options, bool points) : unordered_(options.unordered), schedule_(options, points) {
@@ -34,7 +34,7 @@ class TaskOrder {
 
   void clear() {
     next_.assign(schedule_.stages().size(), 0);
-    beyond_.assign(next_.size(), {});
+    done_beyond_next_.assign(next_.size(), {});
     kept_.assign(schedule_.lifetimes().size(), 0);
     end_ = 0;
   }
@@ -45,19 +45,18 @@ class TaskOrder {
   /// First keyframe that the stage has not run on.
   std::int64_t next(std::size_t stage) const { return next_[stage]; }
   bool is_done(const Task& task) const {
-    return task.keyframe < next_[task.stage] || beyond_[task.stage].count(task.keyframe) != 0;
+    return task.keyframe < next_[task.stage] || done_beyond_next_[task.stage].count(task.keyframe) != 0;
   }
   /// First keyframe that still has the artefact of a lifetime.
   std::int64_t first_with(std::size_t lifetime) const { return kept_[lifetime]; }
   /// First keyframe with an artefact or a stage to come.
   std::int64_t first_in_use() const { return std::min(next_.back(), *std::min_element(kept_.begin(), kept_.end())); }
 
-  /// Whether the stages that the task needs have run on all keyframes up to those that it may read, not on these only:
-  /// then none of them is ahead by more than one pass or round, and what the task reads still exists. With several
-  /// devices, on one keyframe more, which is another device's: then hardly a device waits for work just begun.
-  /// `last`: no keyframe follows.
+  /// Returns whether all required stages have completed every keyframe up to the last one that the task may read. This
+  /// keeps stages within one pass or round of each other, and inputs alive. With several devices one more keyframe must
+  /// be complete, so that a device rarely waits. `last`: no keyframe follows.
   bool is_ready(const Task& task, bool last) const {
-    for (const Stage::Need& need : schedule_.stages()[task.stage].needs) {
+    for (const Stage::Prerequisite& need : schedule_.stages()[task.stage].needs) {
       std::int64_t until = unordered_ ? end_ : task.keyframe + need.ahead + 1 + (multi_device_ ? 1 : 0);
       if (last) until = std::min(until, end_);
       if (next_[need.stage] < until) return false;
@@ -96,7 +95,7 @@ class TaskOrder {
       }
       return;
     }
-    // Of each stage one task that needs nothing of the others.
+    // One task per stage, none depending on another.
     std::vector<Task> tasks;
     do {
       tasks.clear();
@@ -110,9 +109,9 @@ class TaskOrder {
     } while (last && !tasks.empty());
   }
 
-  /// The task is done, whatever the order.
+  /// Marks a task as done, in any order.
   void mark(const Task& task) {
-    std::set<std::int64_t>& beyond = beyond_[task.stage];
+    std::set<std::int64_t>& beyond = done_beyond_next_[task.stage];
     beyond.insert(task.keyframe);
     for (; !beyond.empty() && *beyond.begin() == next_[task.stage]; ++next_[task.stage]) beyond.erase(beyond.begin());
   }
@@ -136,10 +135,10 @@ class TaskOrder {
   bool unordered_;
   bool multi_device_ = false;
   Schedule schedule_;
-  std::vector<std::int64_t> next_;              ///< by stage
-  std::vector<std::set<std::int64_t>> beyond_;  ///< by stage, keyframes after `next_` that it has run on
-  std::vector<std::int64_t> kept_;              ///< by lifetime, the first keyframe that has the artefact
-  std::int64_t end_ = 0;                        ///< keyframes that have come
+  std::vector<std::int64_t> next_;                        ///< by stage
+  std::vector<std::set<std::int64_t>> done_beyond_next_;  ///< by stage, keyframes after `next_` that it has run on
+  std::vector<std::int64_t> kept_;                        ///< by lifetime, the first keyframe that has the artefact
+  std::int64_t end_ = 0;                                  ///< keyframes that have come
 };
 
 }  // namespace pmsp

@@ -54,8 +54,9 @@ struct PMSP_API PatchMatchOptions {
   /// Adds prior planes to the hypotheses of untextured pixels before each geometric pass, with a score bonus; see
   /// plane_priors (pmsp/stages.h).
   bool plane_priors = true;
-  /// Passes in which disagreement with the depth maps of source views lowers the score, 0 to 8; views in which a textured
-  /// pixel is hidden are ignored. Each delays results by the reach of source views; more pay off with few source views.
+  /// Passes in which disagreement with the depth maps of source views lowers the score, 0 to 8; views in which a
+  /// textured pixel is hidden are ignored. Each delays results by the reach of source views; more pay off with few
+  /// source views.
   int geometric_passes = 4;
 
   void validate() const;  ///< throws InvalidOption
@@ -112,7 +113,8 @@ struct PMSP_API FreeSpaceOptions {
   /// of points behind it, and many of these are mirror images of surfaces in front of it.
   bool mirrors = true;
   /// Uses later keyframes as viewers, and removes duplicates beyond the fusion window, see `fusion.history`. Points are
-  /// delivered at the end, or half of `history` plus twice `fusion.history` keyframes later; by LiveDensifier without delay.
+  /// delivered at the end, or half of `history` plus twice `fusion.history` keyframes later; by LiveDensifier without
+  /// delay.
   bool whole_mission = false;
   /// Accepted keyframes from which viewers are chosen, half on either side, 1 to 100000. Memory: two bytes per pixel of
   /// each depth map; with `whole_mission` at least 11 for following ones.

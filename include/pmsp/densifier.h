@@ -48,7 +48,7 @@ struct DensifierCallbacks {
   std::function<void(const DepthMap&)> raw_depth;       ///< after PatchMatch
   std::function<void(const DepthMap&)> filtered_depth;  ///< after the median and consistency filters
   std::function<void(const KeyframeCloud&)> cloud;      ///< points of a keyframe, once per depth map
-  std::function<void()> worked;                         ///< progress; called some tens of times per keyframe
+  std::function<void()> progress;                       ///< called after each task, about 11 per keyframe
 };
 
 /// PatchMatch-Stereo-Panorama (Surmann, Thurow, Slomma 2022) over a small window of keyframes in temporal order.

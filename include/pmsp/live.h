@@ -89,7 +89,8 @@ struct PMSP_API LiveOptions {
   /// (kHigh) keyframes of 50 to 90 bytes per depth map pixel, more with larger images; else InvalidOption, or an error
   /// for each keyframe if the size of the depth maps is 0.
   int memory_mib = 2048;
-  /// Maximum number of accepted keyframes without a depth map, 4 to 100000; beyond it the most redundant ones are dropped.
+  /// Maximum number of accepted keyframes without a depth map, 4 to 100000; beyond it the most redundant ones are
+  /// dropped.
   int max_waiting = 100;
   /// Minimum number of newer keyframes before a keyframe with a stable pose is processed, 0 to 1000; 0 = at once. Does
   /// not delay previews.
@@ -153,9 +154,9 @@ struct LiveCallbacks {
 /// it, and have no effect if they throw. Snapshots taken after `update`, `sync`, `erase` or `reset` contain its
 /// effect. Work is done by own threads at low priority; results depend on timing.
 ///
-/// If the work falls behind, keyframes get fewer geometric passes, then the most redundant ones are dropped. Skipped passes are
-/// run when the worker is idle. Scale changes after a monocular loop closure are estimated from baselines and
-/// landmarks; the caller passes poses only.
+/// If the work falls behind, keyframes get fewer geometric passes, then the most redundant ones are dropped. Skipped
+/// passes are run when the worker is idle. Scale changes after a monocular loop closure are estimated from baselines
+/// and landmarks; the caller passes poses only.
 class PMSP_API LiveDensifier {
  public:
   /// Throws InvalidOption, BackendUnavailable, DeviceError.

@@ -41,7 +41,7 @@ class PMSP_API Executor {
   Simd simd() const;    ///< never kAuto
 
  private:
-  friend struct Inside;
+  friend struct ImplAccess;
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
@@ -100,10 +100,10 @@ class PMSP_API Panorama {
 
   const Image<Rgb>& color() const;  ///< `width` x `height`
 
-  const Image<std::uint8_t>& usable() const;  ///< mask as by shrink_mask, `width` x `height`; empty = none
+  const Image<std::uint8_t>& mask() const;  ///< mask as by shrink_mask, `width` x `height`; empty = none
 
  private:
-  friend struct Inside;
+  friend struct ImplAccess;
   std::unique_ptr<PanoramaData> data_;
 };
 

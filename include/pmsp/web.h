@@ -43,7 +43,7 @@ struct LivePlace {
 /// Metadata of the page.
 struct LivePage {
   std::string title = "live map";
-  std::string unit;  ///< unit of lengths; "" = map units
+  std::string unit;          ///< unit of lengths; "" = map units
   Similarity file_from_map;  ///< frame that is shown; identity = that of the SLAM
 };
 

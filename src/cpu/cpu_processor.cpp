@@ -72,27 +72,27 @@ CpuProcessor::Prepared CpuProcessor::prepare(const Keyframe& keyframe, double& s
   Prepared image;
   image.cubes.gray = std::make_shared<CubeMap>(std::move(data.gray));
   image.color = color_words(data.color, executor_);
-  if (data.usable.empty()) return image;
-  image.cubes.usable = std::make_shared<CubeMap>(std::move(data.matchable));
-  image.mask = upload(data.usable.pixels());
+  if (data.mask.empty()) return image;
+  image.cubes.matchable = std::make_shared<CubeMap>(std::move(data.matchable));
+  image.mask = upload(data.mask.pixels());
   return image;
 }
 
 std::size_t CpuProcessor::bytes(const Cubes& cubes) const {
   const auto size = [](const auto& cube) { return cube ? cube->quads.size() * sizeof(std::uint64_t) : 0; };
-  return size(cubes.gray) + size(cubes.usable);
+  return size(cubes.gray) + size(cubes.matchable);
 }
 
 CubePacking CpuProcessor::packing(const Cubes& cubes) const {
   const std::size_t nodes = node_count(cubes.gray->size);
-  if (!cubes.usable) return {nodes, cubes.gray->size, 0};
-  return {nodes + node_count(cubes.usable->size), cubes.gray->size, cubes.usable->size};
+  if (!cubes.matchable) return {nodes, cubes.gray->size, 0};
+  return {nodes + node_count(cubes.matchable->size), cubes.gray->size, cubes.matchable->size};
 }
 
 Array<std::uint16_t> CpuProcessor::pack(const Cubes& cubes) const {
   Array<std::uint16_t> packed = array<std::uint16_t>(packing(cubes).count);
   write_nodes(*cubes.gray, packed.get());
-  if (cubes.usable) write_nodes(*cubes.usable, packed.get() + node_count(cubes.gray->size));
+  if (cubes.matchable) write_nodes(*cubes.matchable, packed.get() + node_count(cubes.gray->size));
   return packed;
 }
 
@@ -101,7 +101,8 @@ CpuProcessor::Cubes CpuProcessor::unpack(const Array<std::uint16_t>& packed, con
     return std::make_shared<CubeMap>(cube_of_nodes(nodes, side, pool_of(executor_)));
   };
   Cubes cubes{unpacked(packed.get(), packing.side), nullptr};
-  if (packing.usable_side > 0) cubes.usable = unpacked(packed.get() + node_count(packing.side), packing.usable_side);
+  if (packing.matchable_side > 0)
+    cubes.matchable = unpacked(packed.get() + node_count(packing.side), packing.matchable_side);
   return cubes;
 }
 
@@ -112,19 +113,19 @@ std::pair<Array<kernels::SparsePoint>, int> CpuProcessor::landmarks(const Keyfra
 }
 
 void CpuProcessor::start(const Pass& pass) const {
-  auto& impl = inside(executor_);
+  auto& impl = impl_of(executor_);
   impl.pool.for_each(pass.grid.height, [&](int y) { impl.rows.start_row(pass, y); });
 }
 
 void CpuProcessor::iterate(const Pass& pass, int colour, int iteration, bool rescore) const {
-  auto& impl = inside(executor_);
+  auto& impl = impl_of(executor_);
   impl.pool.for_each(pass.grid.height, [&](int y) {
     if (may_continue()) impl.rows.iterate_row(pass, y, colour, iteration, rescore);  // rows are slow at low priority
   });
 }
 
 void CpuProcessor::remove_duplicates(const kernels::DuplicateRound& stage, DuplicateCandidates& candidates) const {
-  auto& impl = inside(executor_);
+  auto& impl = impl_of(executor_);
   const std::size_t rows = static_cast<std::size_t>(stage.height());
   const std::ptrdiff_t width = stage.width();
   std::vector<std::size_t> first(rows + 1);  // number of open pixels before each row
@@ -137,14 +138,14 @@ void CpuProcessor::remove_duplicates(const kernels::DuplicateRound& stage, Dupli
   if (candidates.count > 0 && candidates.count != first[rows]) {
     throw InvalidInput("duplicate_round: the statuses are not those of the previous round");
   }
-  std::uint32_t there = 0;
-  for (int k = 0; k < stage.count; ++k) there |= stage.others[k].map.surfels == nullptr ? 0U : 1U << k;
+  std::uint32_t available = 0;
+  for (int k = 0; k < stage.count; ++k) available |= stage.others[k].map.surfels == nullptr ? 0U : 1U << k;
   std::vector<std::vector<std::uint32_t>> remaining(rows);
   impl.pool.for_each(stage.height(), [&](int y) {
     const std::size_t row = static_cast<std::size_t>(y);
     const std::uint32_t* const row_candidates = candidates.count == 0 ? nullptr : candidates.bits.get() + first[row];
     std::vector<std::uint32_t> left(first[row + 1] - first[row]);
-    const int count = impl.rows.duplicate_row(stage, y, row_candidates, there, left.data());
+    const int count = impl.rows.duplicate_row(stage, y, row_candidates, available, left.data());
     remaining[row].assign(left.begin(), left.begin() + count);
   });
   candidates = {};
@@ -163,8 +164,8 @@ DepthMap CpuProcessor::depth_map(std::int64_t id, const KeyframePose& pose, cons
                   Image<Eigen::Vector3f>(map.width, map.height, Eigen::Vector3f::Zero()),
                   Image<float>(map.width, map.height),
                   pose.scale};
-  launch(kernels::DepthImage<Views>{map, confidence, grid(), depths.depth.pixels().data(),
-                                    depths.normal.pixels().data()->data(), depths.confidence.pixels().data()},
+  launch(kernels::DepthImage<ViewTypes>{map, confidence, grid(), depths.depth.pixels().data(),
+                                        depths.normal.pixels().data()->data(), depths.confidence.pixels().data()},
          nullptr);
   return depths;
 }

@@ -25,7 +25,7 @@ namespace pmsp {
 struct HostKeys {
   std::uint64_t* keys;
 };
-inline void offer(const HostKeys& keys, int pixel, std::uint64_t key) {
+inline void atomic_min_key(const HostKeys& keys, int pixel, std::uint64_t key) {
   std::uint64_t* const at = keys.keys + pixel;
   std::uint64_t known = __atomic_load_n(at, __ATOMIC_RELAXED);
   while (key < known && !__atomic_compare_exchange_n(at, &known, key, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
@@ -41,25 +41,25 @@ void collect_points(const kernels::ConstSurfelArrays& map, const kernels::GridVi
 /// CPU processor: calls return when their work is done (see processor.h).
 class CpuProcessor {
  public:
-  using Views = kernels::HostViews;
+  using ViewTypes = kernels::HostViewTypes;
   using Keys = HostKeys;
   using Planes = Array<float>;  ///< x, y, z and score of all pixels, consecutively
   using Color = std::uint32_t;
   using Counts = std::int64_t;
-  using Pass = kernels::PatchMatchPass<Views>;
+  using Pass = kernels::PatchMatchPass<ViewTypes>;
   static constexpr int kMostCounts = 3;
   struct Cubes {
-    std::shared_ptr<const CubeMap> gray, usable;
+    std::shared_ptr<const CubeMap> gray, matchable;
   };
   struct Prepared {
     Cubes cubes;
     Array<Color> color;
     Array<std::uint8_t> mask;
   };
-  static constexpr int kPriorShares = 1;
+  static constexpr int kThreadsPerPriorCell = 1;
   static constexpr bool kMaskInColor = false;
 
-  using Mark = std::nullptr_t;
+  using ReadyEvent = std::nullptr_t;
   struct Queue {
     explicit Queue(const EngineContext& /*context*/) {}
     void deliver(bool /*all*/) const {}
@@ -72,9 +72,9 @@ class CpuProcessor {
   CpuProcessor(const Executor& executor, int width, int height) : executor_(executor) { set_size(width, height); }
 
   std::size_t number() const { return 0; }
-  Mark mark() const { return nullptr; }
+  ReadyEvent mark() const { return nullptr; }
   template <class T>
-  Array<T> copy_from(const Array<T>& from, std::size_t /*count*/, const CpuProcessor& /*home*/, Mark /*made*/) const {
+  Array<T> copy_from(const Array<T>& from, std::size_t /*count*/, const CpuProcessor& /*home*/, ReadyEvent /*made*/) const {
     return from;
   }
   void synchronize() const {}
@@ -104,8 +104,8 @@ class CpuProcessor {
 
   Prepared prepare(const Keyframe& keyframe, double& seconds);
   kernels::CubeView gray(const Cubes& cubes) const { return cubes.gray->view(); }
-  kernels::CubeView usable(const Cubes& cubes) const {
-    return cubes.usable ? cubes.usable->view() : kernels::CubeView{};
+  kernels::CubeView matchable(const Cubes& cubes) const {
+    return cubes.matchable ? cubes.matchable->view() : kernels::CubeView{};
   }
   std::size_t bytes(const Cubes& cubes) const;
   CubePacking packing(const Cubes& cubes) const;
@@ -116,16 +116,16 @@ class CpuProcessor {
 
   std::pair<Array<kernels::SparsePoint>, int> landmarks(const Keyframe& keyframe, double lens) const;
   template <class Source>
-  kernels::PlaneMapView first_planes(const Source& source, Planes& planes) const {
+  kernels::PlaneMapView planes_of_keys(const Source& source, Planes& planes) const {
     planes = this->planes();
-    launch(kernels::PlanesOfKeys<Views, Source>{source, grid(), to(planes)}, nullptr);
+    launch(kernels::PlanesOfKeys<ViewTypes, Source>{source, grid(), to(planes)}, nullptr);
     return map(planes);
   }
 
   template <class Stage>
   void launch(const Stage& stage, Counts* counts) const {
     static_assert(Stage::kCounts <= kMostCounts, "room for what is counted");
-    const auto sums = inside(executor_).run(stage);
+    const auto sums = impl_of(executor_).run(stage);
     if (counts != nullptr) std::copy(sums.begin(), sums.end(), counts);
   }
   void splat(const kernels::SplatLandmarks<Keys>& splat, int count) const {

@@ -40,7 +40,7 @@ class DuplicateChunk {
       store(open_point.normal.y, normal_[1] + i);
       store(open_point.normal.z, normal_[2] + i);
       store(open_point.off.error, error_ + i);
-      store(open_point.off.most, most_ + i);
+      store(open_point.off.max, most_ + i);
       store(open_point.reach, reach_ + i);
       store(open_point.rank, rank_ + i);
     }
@@ -62,46 +62,47 @@ class DuplicateChunk {
                      open_point, near_ + near);
     }
     int found = 0;
-    int several = 0;
+    int multiple = 0;
     for (int i = 0; i < near; i += kLanes) {
       IntOf<F> open_point;
       load(open_point, near_ + i);
       const auto p = kernels::transform(other.other_from_first, gathered(point_, open_point));
-      const kernels::Approach<F> there = kernels::approach(p, kernels::gather<F>(reach_, open_point), other);
-      const kernels::Within<F> within = kernels::within(there, stage_.grid, other.map.width, other.map.height);
+      const kernels::SearchRegion<F> there = kernels::search_region(p, kernels::gather<F>(reach_, open_point), other);
+      const kernels::PixelsInRadius<F> pixels_in_radius =
+          kernels::pixels_in_radius(there, stage_.grid, other.map.width, other.map.height);
       const auto valid = filled(i, near);
-      const auto this_one = valid & within.this_one;
-      append(this_one, open_point, claim_ + found);
-      append(this_one, within.column, column_ + found);
-      found += append(this_one, within.row, row_ + found);
-      if (any(within.several)) {
-        const auto more = valid & within.several;
-        append(more, there.at.x, x_ + several);
-        append(more, there.at.y, y_ + several);
-        append(more, there.spacing, spacing_ + several);
-        several += append(more, open_point, several_ + several);
+      const auto single = valid & pixels_in_radius.single;
+      append(single, open_point, open_point_ + found);
+      append(single, pixels_in_radius.column, column_ + found);
+      found += append(single, pixels_in_radius.row, row_ + found);
+      if (any(pixels_in_radius.multiple)) {
+        const auto more = valid & pixels_in_radius.multiple;
+        append(more, there.at.x, x_ + multiple);
+        append(more, there.at.y, y_ + multiple);
+        append(more, there.spacing, spacing_ + multiple);
+        multiple += append(more, open_point, several_ + multiple);
       }
     }
     int kept = 0;
     for (int i = 0; i < found; ++i) {
       const std::uint8_t status = other.map.statuses[row_[i] * other.map.width + column_[i]];
-      claim_[kept] = claim_[i];
+      open_point_[kept] = open_point_[i];
       column_[kept] = column_[i];
       row_[kept] = row_[i];
-      standing_[kept] = status;
+      status_[kept] = status;
       kept += kernels::makes_point(status) ? 1 : 0;
     }
-    for (int i = 0; i < several; ++i) {
+    for (int i = 0; i < multiple; ++i) {
       const std::int32_t open_point = several_[i];
       kernels::for_each_within({x_[i], y_[i]}, spacing_[i], stage_.grid.cos_lat, other.map.width, other.map.height,
                                [&](int pixel) {
                                  const std::uint8_t status = other.map.statuses[pixel];
                                  if (has_kept[open_point] != 0 || !kernels::makes_point(status)) return;
                                  if (kept == kSize) kept = compare(k, kept);
-                                 claim_[kept] = open_point;
+                                 open_point_[kept] = open_point;
                                  row_[kept] = pixel / other.map.width;
                                  column_[kept] = pixel % other.map.width;
-                                 standing_[kept++] = status;
+                                 status_[kept++] = status;
                                });
     }
     compare(k, kept);
@@ -111,14 +112,14 @@ class DuplicateChunk {
   static kernels::MaskOf<F> filled(int i, int count) { return lane_numbers<F>() < F(static_cast<float>(count - i)); }
 
   static constexpr int kSize = 256;
-  static constexpr int kRoom = kSize + 16;  ///< whole batches are read and written
-  std::uint32_t open[kRoom];                ///< bits of the keyframes with kept or open duplicates
-  std::uint32_t has_kept[kRoom] = {};       ///< 1: a duplicate is kept
+  static constexpr int kCapacity = kSize + 16;  ///< whole batches are read and written
+  std::uint32_t open[kCapacity];                ///< bits of the keyframes with kept or open duplicates
+  std::uint32_t has_kept[kCapacity] = {};       ///< 1: a duplicate is kept
 
  private:
   static constexpr int kLanes = lanes<F>();
 
-  static kernels::Vec3<F> gathered(const float (*arrays)[kRoom], const IntOf<F>& index) {
+  static kernels::Vec3<F> gathered(const float (*arrays)[kCapacity], const IntOf<F>& index) {
     return {kernels::gather<F>(arrays[0], index), kernels::gather<F>(arrays[1], index),
             kernels::gather<F>(arrays[2], index)};
   }
@@ -132,25 +133,25 @@ class DuplicateChunk {
       IntOf<F> x;
       IntOf<F> y;
       UIntOf<F> status;
-      load(open_point, claim_ + i);
+      load(open_point, open_point_ + i);
       load(x, column_ + i);
       load(y, row_ + i);
-      load(status, standing_ + i);
+      load(status, status_ + i);
       const kernels::Vec3<F> p = kernels::transform(other.other_from_first, gathered(point_, open_point));
       const kernels::SurfaceDistance<F> off{kernels::gather<F>(error_, open_point),
                                             kernels::gather<F>(most_, open_point)};
       const UIntOf<F> surfel = kernels::gather_words<F>(other.map.surfels, IntOf<F>(y * IntOf<F>(other.map.width) + x));
-      const auto stands = kernels::is_duplicate<F>(surfel, status, kernels::bearing_at<F>(stage_.grid, x, y), p,
-                                                   gathered(normal_, open_point), off,
-                                                   kernels::gather<F>(rank_, open_point), other, stage_.limits);
-      if (!any(stands)) continue;
-      std::uint32_t stand[kLanes];
-      store(kernels::select_bits<F>(stands, UIntOf<F>(1U)), stand);
+      const auto is_duplicate = kernels::is_duplicate<F>(surfel, status, kernels::bearing_at<F>(stage_.grid, x, y), p,
+                                                         gathered(normal_, open_point), off,
+                                                         kernels::gather<F>(rank_, open_point), other, stage_.limits);
+      if (!any(is_duplicate)) continue;
+      std::uint32_t duplicate_bits[kLanes];
+      store(kernels::select_bits<F>(is_duplicate, UIntOf<F>(1U)), duplicate_bits);
       for (int j = 0; j < kLanes && i + j < count; ++j) {
-        if (stand[j] == 0U) continue;
-        const std::int32_t pixel = claim_[i + j];
+        if (duplicate_bits[j] == 0U) continue;
+        const std::int32_t pixel = open_point_[i + j];
         open[pixel] |= bit;
-        if ((standing_[i + j] & 3U) == static_cast<std::uint32_t>(kernels::PointStatus::kKept)) {
+        if ((status_[i + j] & 3U) == static_cast<std::uint32_t>(kernels::PointStatus::kKept)) {
           has_kept[pixel] = 1;
         }
       }
@@ -159,14 +160,14 @@ class DuplicateChunk {
   }
 
   const kernels::DuplicateRound& stage_;
-  float point_[3][kRoom];
-  float normal_[3][kRoom];
-  float error_[kRoom], most_[kRoom], reach_[kRoom], rank_[kRoom];
-  std::int32_t near_[kRoom] = {};  ///< claims with pixels that may rank higher; lanes beyond the last one are stale
-  std::int32_t claim_[kRoom] = {}, column_[kRoom] = {}, row_[kRoom] = {};  ///< pairs to compare
-  std::uint32_t standing_[kRoom] = {};
-  std::int32_t several_[kRoom];  ///< claims with several pixels within the search radius
-  float x_[kRoom], y_[kRoom], spacing_[kRoom];
+  float point_[3][kCapacity];
+  float normal_[3][kCapacity];
+  float error_[kCapacity], most_[kCapacity], reach_[kCapacity], rank_[kCapacity];
+  std::int32_t near_[kCapacity] = {};  ///< claims with pixels that may rank higher; lanes beyond the last one are stale
+  std::int32_t open_point_[kCapacity] = {}, column_[kCapacity] = {}, row_[kCapacity] = {};  ///< pairs to compare
+  std::uint32_t status_[kCapacity] = {};
+  std::int32_t several_[kCapacity];  ///< claims with several pixels within the search radius
+  float x_[kCapacity], y_[kCapacity], spacing_[kCapacity];
 };
 
 template <class F>
@@ -179,8 +180,8 @@ int duplicate_row(const kernels::DuplicateRound& stage, int y, const std::uint32
   std::uint8_t* const statuses = stage.statuses + row;
   Chunk chunk(stage);
   std::int32_t columns[Chunk::kSize];
-  std::int32_t list[Chunk::kRoom] = {};
-  std::uint32_t bits[Chunk::kRoom] = {};
+  std::int32_t list[Chunk::kCapacity] = {};
+  std::uint32_t bits[Chunk::kCapacity] = {};
   int left = 0;
   for (int x = 0; x < width;) {
     int count = 0;
@@ -201,7 +202,7 @@ int duplicate_row(const kernels::DuplicateRound& stage, int y, const std::uint32
         load(has_kept, chunk.has_kept + i);
         const UIntOf<F> searches = (wanted >> k) & UIntOf<F>(1U) & ~has_kept;
         searching += append(Chunk::filled(i, count) & (kernels::from_uint<F>(searches) > F(0)),
-                            columns_from<F>(i, Chunk::kRoom), list + searching);
+                            columns_from<F>(i, Chunk::kCapacity), list + searching);
       }
       if (searching > 0) chunk.search(k, list, searching);
     }
@@ -209,9 +210,9 @@ int duplicate_row(const kernels::DuplicateRound& stage, int y, const std::uint32
       using kernels::PointStatus;
       const bool dropped = chunk.has_kept[i] != 0;
       const bool open = !dropped && chunk.open[i] != 0U;
-      statuses[columns[i]] = kernels::with_standing(before[columns[i]], dropped ? PointStatus::kDropped
-                                                                        : open  ? PointStatus::kOpen
-                                                                                : PointStatus::kKept);
+      statuses[columns[i]] = kernels::with_status(before[columns[i]], dropped ? PointStatus::kDropped
+                                                                      : open  ? PointStatus::kOpen
+                                                                              : PointStatus::kKept);
       if (open) remaining[left++] = chunk.open[i];
     }
   }

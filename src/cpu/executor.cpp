@@ -77,7 +77,7 @@ Executor::~Executor() = default;
 Executor::Executor(Executor&&) noexcept = default;
 Executor& Executor::operator=(Executor&&) noexcept = default;
 
-ThreadPool& pool_of(const Executor& executor) { return inside(executor).pool; }
+ThreadPool& pool_of(const Executor& executor) { return impl_of(executor).pool; }
 
 int Executor::threads() const { return impl_->pool.threads(); }
 Simd Executor::simd() const { return impl_->simd; }

@@ -25,7 +25,7 @@ struct Executor::Impl {
       } else {
         static_assert(Stage::kCounts == 0, "only batches are counted");
         return [](const Stage& pixels, int y, std::int64_t* /*counts*/) {
-          for (int x = 0; x < pixels.width(); ++x) pixels(kernels::place_of(x, y, pixels.width()), nullptr);
+          for (int x = 0; x < pixels.width(); ++x) pixels(kernels::single_pixel(x, y, pixels.width()), nullptr);
         };
       }
     }();

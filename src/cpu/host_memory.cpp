@@ -15,7 +15,7 @@ constexpr double kPlanes = 16.0;  // bytes per pixel: x, y, z and score
 /// Texels of a prepared image, of 8 bytes in a cube map for matching, of 2 in a packed one.
 double texels_of(const DensifierOptions& options, int image_width) {
   const double side = cube_size_for(
-      compared_size(image_width, options.width, options.height, options.advanced.patchmatch.image_scale).width);
+      matching_size(image_width, options.width, options.height, options.advanced.patchmatch.image_scale).width);
   return 6.0 * side * side;
 }
 

@@ -19,7 +19,7 @@
 // instruction sets and therefore contains plain data only.
 namespace pmsp::cpu {
 
-using kernels::HostViews;
+using kernels::HostViewTypes;
 
 /// Function for row y of a stage; adds to its counts.
 template <class Stage>
@@ -32,17 +32,17 @@ template <class... Stages>
 struct StageList {
   using Rows = std::tuple<RowOf<Stages>...>;
 };
-using RowStages =
-    StageList<kernels::MedianFilter<HostViews>, kernels::WeightedMedian<HostViews>,
-              kernels::ConsistencyFilter<HostViews>, kernels::FindRanges<HostViews>, kernels::FusePixels<HostViews>,
-              kernels::Eligibility, kernels::FindMirrored, kernels::ConfirmMirrors, kernels::FindEvidence<HostViews>>;
+using RowStages = StageList<kernels::MedianFilter<HostViewTypes>, kernels::WeightedMedian<HostViewTypes>,
+                            kernels::ConsistencyFilter<HostViewTypes>, kernels::FindRanges<HostViewTypes>,
+                            kernels::FusePixels<HostViewTypes>, kernels::FreeSpaceTest, kernels::FindMirrored,
+                            kernels::ConfirmMirrors, kernels::FindEvidence<HostViewTypes>>;
 
 template <class Stage, class... Stages>
 constexpr bool has_rows(StageList<Stages...> /*list*/) {
   return (std::is_same_v<Stage, Stages> || ...);
 }
 
-using PatchMatchPass = kernels::PatchMatchPass<HostViews>;
+using PatchMatchPass = kernels::PatchMatchPass<HostViewTypes>;
 
 /// Functions of one instruction set.
 struct RowKernels {
@@ -55,7 +55,7 @@ struct RowKernels {
   /// nullptr = all keyframes in `there`. `remaining`: receives the bits of the pixels that stay open. Returns their
   /// number.
   int (*duplicate_row)(const kernels::DuplicateRound& stage, int y, const std::uint32_t* candidates,
-                       std::uint32_t there, std::uint32_t* remaining);
+                       std::uint32_t available, std::uint32_t* remaining);
 };
 
 }  // namespace pmsp::cpu

@@ -26,7 +26,7 @@ void stage_row(const Stage& stage, int y, std::int64_t* counts) {
   for (int x = 0; x < width; x += lanes<F>()) {
     const IntOf<F> column = columns_from<F>(x, width);
     const int row = y * width;
-    const kernels::Place<F> at{column, IntOf<F>(row) + column, y, row + x, width - x};
+    const kernels::RowPixels<F> at{column, IntOf<F>(row) + column, y, row + x, width - x};
     kernels::MaskOf<F> counted[Stage::kCounts + 1];
     stage(at, counted);
     for (int i = 0; i < Stage::kCounts; ++i) counts[i] += count_lanes<F>(counted[i], width - x);
@@ -49,7 +49,7 @@ PMSP_HD kernels::PixelBatch<F> batch_of(const PatchMatchPass& pass, int y, int c
 
 template <class F>
 void start_row(const PatchMatchPass& pass, int y) {
-  kernels::Visit<F> visit;
+  kernels::PixelContext<F> visit;
   for (int colour = 0; colour < 2; ++colour) {
     for (int k = 0; k < pass.grid.width / 2; k += lanes<F>()) pass.start(visit, batch_of<F>(pass, y, colour, k));
   }
@@ -57,7 +57,7 @@ void start_row(const PatchMatchPass& pass, int y) {
 
 template <class F>
 void iterate_row(const PatchMatchPass& pass, int y, int colour, int iteration, bool rescore) {
-  kernels::Visit<F> visit;
+  kernels::PixelContext<F> visit;
   for (int k = 0; k < pass.grid.width / 2; k += lanes<F>()) {
     pass.iterate(visit, batch_of<F>(pass, y, colour, k), iteration, rescore);
   }

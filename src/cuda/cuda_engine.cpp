@@ -9,7 +9,7 @@
 namespace pmsp::cuda {
 
 std::unique_ptr<Engine> make_engine(const EngineContext& context, Executor executor) {
-  connect(context.options.devices);
+  enable_peer_access(context.options.devices);
   return std::make_unique<StageEngine<CudaProcessor>>(context, std::move(executor));
 }
 

@@ -33,7 +33,7 @@ Device find_device(int number);
 int device_count();
 
 /// Lets devices read each other's memory without the host, if they can.
-void connect(const std::vector<int>& devices);
+void enable_peer_access(const std::vector<int>& devices);
 
 /// See close_devices.
 void close(const std::vector<int>& devices) noexcept;

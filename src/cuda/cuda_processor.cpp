@@ -14,7 +14,7 @@ namespace pmsp::cuda {
 namespace {
 
 constexpr int kGrayBits = 16;  ///< of texels, as on the CPU: finer than the camera's, since resampling averages
-constexpr int kUsableBits = 8;
+constexpr int kMatchableBits = 8;
 constexpr std::size_t kDownloads = 2;     ///< maximum depth maps, plane maps and clouds in transfer, each
 constexpr std::size_t kMostPending = 64;  ///< maximum results in flight per device; bounds the delay of cancellation
 /// Initial capacity for a keyframe; for more, the host waits for all devices to replace page-locked memory.
@@ -42,30 +42,30 @@ CudaProcessor::CudaProcessor(const EngineContext& context, const Executor& execu
 
 CudaProcessor::~CudaProcessor() {
   device_.enter();
-  for (const Stream* stream : {&compute_, &up_, &down_, &across_}) cudaStreamSynchronize(stream->get());
+  for (const Stream* stream : {&compute_, &up_, &down_, &peer_copies_}) cudaStreamSynchronize(stream->get());
 }
 
-CudaProcessor::Mark CudaProcessor::mark() {
+CudaProcessor::ReadyEvent CudaProcessor::mark() {
   if (context_.options.devices.size() < 2) return nullptr;
-  const Mark mark = marks_.get();
+  const ReadyEvent mark = marks_.get();
   mark->record(compute_);
   return mark;
 }
 
-void CudaProcessor::bring_bytes(void* to, std::shared_ptr<const void> from, std::size_t bytes,
-                                const CudaProcessor& home, const Mark& made) {
-  while (!borrowed_.empty() && borrowed_.front().first->has_come()) borrowed_.pop_front();
-  made->wait_on(across_);
-  PMSP_CUDA_CHECK(cudaMemcpyPeerAsync(to, device_number_, from.get(), home.device_number_, bytes, across_.get()));
-  const Mark here = marks_.get();
-  here->record(across_);
+void CudaProcessor::copy_bytes_from_peer(void* to, std::shared_ptr<const void> from, std::size_t bytes,
+                                         const CudaProcessor& home, const ReadyEvent& made) {
+  while (!borrowed_.empty() && borrowed_.front().first->is_complete()) borrowed_.pop_front();
+  made->wait_on(peer_copies_);
+  PMSP_CUDA_CHECK(cudaMemcpyPeerAsync(to, device_number_, from.get(), home.device_number_, bytes, peer_copies_.get()));
+  const ReadyEvent here = marks_.get();
+  here->record(peer_copies_);
   here->wait_on(compute_);
   borrowed_.emplace_back(here, std::move(from));
 }
 
 void CudaProcessor::synchronize() {
   const DeviceScope scope = enter();
-  cudaStreamSynchronize(across_.get());
+  cudaStreamSynchronize(peer_copies_.get());
   borrowed_.clear();
 }
 
@@ -79,10 +79,10 @@ void CudaProcessor::set_image_size(int width, int height) {
   PMSP_CUDA_CHECK(cudaStreamSynchronize(compute_.get()));  // kernels may still read the old tables
   columns_.emplace(width, grid().width, compute_);
   rows_.emplace(height, grid().height, compute_);
-  compared_ = compared_size(width, grid().width, grid().height, context_.options.advanced.patchmatch.image_scale);
-  gray_columns_.emplace(width, compared_.width, compute_);
-  gray_rows_.emplace(height, compared_.height, compute_);
-  const std::size_t compared = static_cast<std::size_t>(compared_.width) * static_cast<std::size_t>(compared_.height);
+  matching_ = matching_size(width, grid().width, grid().height, context_.options.advanced.patchmatch.image_scale);
+  gray_columns_.emplace(width, matching_.width, compute_);
+  gray_rows_.emplace(height, matching_.height, compute_);
+  const std::size_t compared = static_cast<std::size_t>(matching_.width) * static_cast<std::size_t>(matching_.height);
   if (gray_.size() < compared) {
     gray_ = DeviceArray<float>(compared);
     equalized_ = DeviceArray<float>(compared);
@@ -111,8 +111,8 @@ CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double&
   const auto& mask = keyframe.mask;
   set_image_size(image.width, image.height);
   ThreadPool& pool = pool_of(executor_);
-  const int size = cube_size_for(compared_.width);
-  const int usable_size = cube_size_for(grid().width);
+  const int size = cube_size_for(matching_.width);
+  const int matchable_size = cube_size_for(grid().width);
   Prepared prepared{{gray_cube(size), nullptr}, array<Color>(pixels()), nullptr};
   ResizeArgs args{};
   args.image = images_.upload(image.data, 3 * static_cast<std::size_t>(image.width),
@@ -120,7 +120,7 @@ CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double&
   if (!mask.empty()) {
     args.mask = masks_.upload(mask.data, static_cast<std::size_t>(mask.width), static_cast<std::size_t>(mask.stride),
                               mask.height, up_, compute_, pool);
-    prepared.cubes.usable = usables_.get(usable_size, kUsableBits);
+    prepared.cubes.matchable = matchables_.get(matchable_size, kMatchableBits);
     if (eroded_.empty()) eroded_ = DeviceArray<unsigned char>(pixels());
   }
   args.source_width = image.width;
@@ -130,26 +130,26 @@ CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double&
   args.columns = columns_->view();
   args.rows = rows_->view();
   args.color = prepared.color.get();
-  const bool at_once = compared_.width == args.width;
+  const bool at_once = matching_.width == args.width;
   if (at_once) args.gray = gray_.get();
   timed(seconds, [&] {
     const cudaStream_t stream = compute_.get();
     resize(args, stream);
     if (!at_once) {
       ResizeArgs finer = args;
-      finer.width = compared_.width;
-      finer.height = compared_.height;
+      finer.width = matching_.width;
+      finer.height = matching_.height;
       finer.columns = gray_columns_->view();
       finer.rows = gray_rows_->view();
       finer.color = nullptr;
       finer.gray = gray_.get();
       resize(finer, stream);
     }
-    equalize_rows(gray_.get(), equalized_.get(), compared_.width, compared_.height, stream);
-    fill_cube(equalized_.get(), compared_.width, compared_.height, {size, prepared.cubes.gray->surface()}, stream);
+    equalize_rows(gray_.get(), equalized_.get(), matching_.width, matching_.height, stream);
+    fill_cube(equalized_.get(), matching_.width, matching_.height, {size, prepared.cubes.gray->surface()}, stream);
     if (mask.empty()) return;
-    fill_usable_cube(args.color, args.width, args.height, kPatchReachPx, eroded_.get(),
-                     {usable_size, prepared.cubes.usable->surface()}, stream);
+    fill_matchable_cube(args.color, args.width, args.height, kPatchReachPx, eroded_.get(),
+                        {matchable_size, prepared.cubes.matchable->surface()}, stream);
   });
   images_.consumed(compute_);
   if (!mask.empty()) masks_.consumed(compute_);
@@ -159,23 +159,23 @@ CudaProcessor::Prepared CudaProcessor::prepare(const Keyframe& keyframe, double&
 /// Two bytes per texel of the image, one of the mask.
 CubePacking CudaProcessor::packing(const Cubes& cubes) const {
   const std::size_t texels = cubes.gray->texels();
-  if (!cubes.usable) return {texels, cubes.gray->side(), 0};
-  return {texels + cubes.usable->texels() / 2, cubes.gray->side(), cubes.usable->side()};
+  if (!cubes.matchable) return {texels, cubes.gray->side(), 0};
+  return {texels + cubes.matchable->texels() / 2, cubes.gray->side(), cubes.matchable->side()};
 }
 
 Array<std::uint16_t> CudaProcessor::pack(const Cubes& cubes) {
   const Array<std::uint16_t> packed = array<std::uint16_t>(packing(cubes).count);
   cubes.gray->copy_to(packed.get(), compute_);
-  if (cubes.usable) cubes.usable->copy_to(packed.get() + cubes.gray->texels(), compute_);
+  if (cubes.matchable) cubes.matchable->copy_to(packed.get() + cubes.gray->texels(), compute_);
   return packed;
 }
 
 CudaProcessor::Cubes CudaProcessor::unpack(const Array<std::uint16_t>& packed, const CubePacking& packing) {
   Cubes cubes{gray_cube(packing.side), nullptr};
   cubes.gray->copy_from(packed.get(), compute_);
-  if (packing.usable_side == 0) return cubes;
-  cubes.usable = usables_.get(packing.usable_side, kUsableBits);
-  cubes.usable->copy_from(packed.get() + cubes.gray->texels(), compute_);
+  if (packing.matchable_side == 0) return cubes;
+  cubes.matchable = matchables_.get(packing.matchable_side, kMatchableBits);
+  cubes.matchable->copy_from(packed.get() + cubes.gray->texels(), compute_);
   return cubes;
 }
 
@@ -194,17 +194,17 @@ std::pair<Array<kernels::SparsePoint>, int> CudaProcessor::landmarks(const Keyfr
 void CudaProcessor::emit_depths(std::int64_t id, const KeyframePose& pose, const DevicePlanes& map,
                                 const float* confidence, std::function<void(const DepthMap&)> to) {
   MapDownload<DepthMap>& download = free_one(depths_);
-  launch(
-      kernels::DepthImage<DeviceViews>{map, confidence, grid(), download.part(0), download.part(1), download.part(2)},
-      nullptr);
+  launch(kernels::DepthImage<DeviceViewTypes>{map, confidence, grid(), download.part(0), download.part(1),
+                                              download.part(2)},
+         nullptr);
   emit(download, id, pose, std::move(to));
 }
 
 void CudaProcessor::emit_planes(std::int64_t id, const KeyframePose& pose, const Planes& planes,
                                 std::function<void(const PlaneMap&)> to) {
   MapDownload<PlaneMap>& download = free_one(planes_);
-  launch(kernels::PlaneImage<DeviceViews>{map(planes), grid(), download.part(0), download.part(1), download.part(2),
-                                          download.part(3)},
+  launch(kernels::PlaneImage<DeviceViewTypes>{map(planes), grid(), download.part(0), download.part(1), download.part(2),
+                                              download.part(3)},
          nullptr);
   emit(download, id, pose, std::move(to));
 }
@@ -215,7 +215,7 @@ void CudaProcessor::emit(MapDownload<Map>& download, std::int64_t id, const Keyf
                          std::function<void(const Map&)> to) {
   download.busy = true;
   download.start(compute_, down_);
-  expect([this, &download, id, pose, to = std::move(to)] {
+  enqueue_result([this, &download, id, pose, to = std::move(to)] {
     const Map& arrived = download.finish(id, pose);
     download.busy = false;  // not used again before `to` returns or throws
     if (!cancelled()) to(arrived);

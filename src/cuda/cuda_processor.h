@@ -50,23 +50,23 @@ class ResultQueue {
 /// order, by `deliver` or earlier.
 class CudaProcessor {
  public:
-  using Views = DeviceViews;
+  using ViewTypes = DeviceViewTypes;
   using Keys = DeviceKeys;
   using Planes = Array<float4>;
   using Counts = cuda::Counts;
   using Color = uchar4;  ///< w = 255 for unmasked pixels, else 0
   struct Cubes {
-    std::shared_ptr<CubeTexture> gray, usable;
+    std::shared_ptr<CubeTexture> gray, matchable;
   };
   struct Prepared {
     Cubes cubes;
     Array<Color> color;
     Array<std::uint8_t> mask;  ///< unused: the mask is in `color`
   };
-  static constexpr int kPriorShares = 16;
+  static constexpr int kThreadsPerPriorCell = 16;
   static constexpr bool kMaskInColor = true;
 
-  using Mark = std::shared_ptr<Event>;
+  using ReadyEvent = std::shared_ptr<Event>;
   using Queue = ResultQueue;
 
   static int number_of(const EngineContext& context) { return static_cast<int>(context.options.devices.size()); }
@@ -76,11 +76,11 @@ class CudaProcessor {
   CudaProcessor& operator=(const CudaProcessor&) = delete;
 
   std::size_t number() const { return number_; }
-  Mark mark();  ///< nullptr with a single device
+  ReadyEvent mark();  ///< nullptr with a single device
   template <class T>
-  Array<T> copy_from(const Array<T>& from, std::size_t count, const CudaProcessor& home, const Mark& made) {
+  Array<T> copy_from(const Array<T>& from, std::size_t count, const CudaProcessor& home, const ReadyEvent& made) {
     const Array<T> copy = copies_.get<T>(count);
-    bring_bytes(copy.get(), {from, from.get()}, count * sizeof(T), home, made);
+    copy_bytes_from_peer(copy.get(), {from, from.get()}, count * sizeof(T), home, made);
     return copy;
   }
   void synchronize();
@@ -108,7 +108,7 @@ class CudaProcessor {
 
   Prepared prepare(const Keyframe& keyframe, double& seconds);
   TextureCube gray(const Cubes& cubes) const { return {cubes.gray->texture()}; }
-  TextureCube usable(const Cubes& cubes) const { return {cubes.usable ? cubes.usable->texture() : 0}; }
+  TextureCube matchable(const Cubes& cubes) const { return {cubes.matchable ? cubes.matchable->texture() : 0}; }
   std::size_t bytes(const Cubes& cubes) const { return cubes.gray ? 2 * packing(cubes).count : 0; }
   CubePacking packing(const Cubes& cubes) const;
   Array<std::uint16_t> pack(const Cubes& cubes);
@@ -121,7 +121,7 @@ class CudaProcessor {
   std::pair<Array<kernels::SparsePoint>, int> landmarks(const Keyframe& keyframe, double lens);
   /// No conversion: kernels read planes by their keys.
   template <class Source>
-  Source first_planes(const Source& source, Planes& /*planes*/) const {
+  Source planes_of_keys(const Source& source, Planes& /*planes*/) const {
     return source;
   }
 
@@ -148,7 +148,7 @@ class CudaProcessor {
     record->start.record(compute_);
     work();
     record->end.record(compute_);
-    expect([record, &seconds] { seconds += record->waited(); });
+    enqueue_result([record, &seconds] { seconds += record->waited(); });
   }
   template <class Work>
   void counted(double& seconds, const Work& work, std::function<void(const std::int64_t*)> then) {
@@ -159,7 +159,7 @@ class CudaProcessor {
     PMSP_CUDA_CHECK(cudaMemcpyAsync(record->host.get(), record->device.get(), sizeof(Counts), cudaMemcpyDeviceToHost,
                                     compute_.get()));
     record->end.record(compute_);
-    expect([record, &seconds, then = std::move(then)] {
+    enqueue_result([record, &seconds, then = std::move(then)] {
       seconds += record->waited();
       std::int64_t numbers[Counts::kMost];
       for (int i = 0; i < Counts::kMost; ++i) numbers[i] = record->host[0].of[i];
@@ -215,9 +215,9 @@ class CudaProcessor {
 
   void set_image_size(int width, int height);
   std::shared_ptr<CubeTexture> gray_cube(int size);
-  void expect(std::function<void()> emit) { queue_.push(device_number_, std::move(emit)); }
-  void bring_bytes(void* to, std::shared_ptr<const void> from, std::size_t bytes, const CudaProcessor& home,
-                   const Mark& made);
+  void enqueue_result(std::function<void()> emit) { queue_.push(device_number_, std::move(emit)); }
+  void copy_bytes_from_peer(void* to, std::shared_ptr<const void> from, std::size_t bytes, const CudaProcessor& home,
+                            const ReadyEvent& made);
   template <class Map>
   MapDownload<Map>& free_one(Downloads<Map>& downloads);
   template <class Map>
@@ -237,12 +237,12 @@ class CudaProcessor {
   std::optional<DeviceScope> making_;  ///< current during construction of the following members
   LastScope device_;                   ///< declared before all members on the device
   Stream compute_, up_, down_;
-  Stream across_;  ///< from other devices
+  Stream peer_copies_;  ///< from other devices
   DevicePool memory_;
-  CopyPool copies_{across_, compute_, memory_};
+  CopyPool copies_{peer_copies_, compute_, memory_};
   int image_width_ = 0;
   int image_height_ = 0;
-  ImageSize compared_{};  ///< size at which images of that size are matched
+  ImageSize matching_{};  ///< size at which images of that size are matched
   Uploader images_, masks_;
   DeviceArray<float> gray_, equalized_;
   DeviceArray<unsigned char> eroded_;
@@ -252,7 +252,7 @@ class CudaProcessor {
   std::optional<DeviceSpanTable> columns_, rows_;            ///< from the images' size to that of the depth maps,
   std::optional<DeviceSpanTable> gray_columns_, gray_rows_;  ///< and to that for matching
   std::map<int, Pool<CubeTexture>> grays_;                   ///< by size
-  Pool<CubeTexture> usables_;
+  Pool<CubeTexture> matchables_;
   Pool<PointsDownload> clouds_;
   DeviceArray<unsigned char> select_scratch_;
   Pool<Record> records_;

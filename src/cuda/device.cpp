@@ -15,7 +15,7 @@ int device_count() {
   return 0;
 }
 
-void connect(const std::vector<int>& devices) {
+void enable_peer_access(const std::vector<int>& devices) {
   for (const int from : devices) {
     for (const int to : devices) {
       int can = 0;

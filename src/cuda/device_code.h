@@ -59,11 +59,11 @@ PMSP_HD kernels::Hypothesis<F> in_ring(const DevicePlaneArray& from, std::size_t
 }
 
 template <class F>
-PMSP_HD bool is_usable(const ColorMask& mask, int index) {
+PMSP_HD bool is_unmasked(const ColorMask& mask, int index) {
   return mask.color[index].w != 0;
 }
 
-PMSP_HD void offer(const DeviceKeys& keys, int pixel, std::uint64_t key) {
+PMSP_HD void atomic_min_key(const DeviceKeys& keys, int pixel, std::uint64_t key) {
 #if defined(__CUDA_ARCH__)
   atomicMin(reinterpret_cast<unsigned long long*>(keys.keys) + pixel, static_cast<unsigned long long>(key));
 #else

@@ -35,7 +35,7 @@ double cube_texels(int width) {
 std::size_t device_memory_needed(const DensifierOptions& options, int image_width) {
   const double pixels = static_cast<double>(options.width) * options.height;
   const ImageSize compared =
-      compared_size(image_width, options.width, options.height, options.advanced.patchmatch.image_scale);
+      matching_size(image_width, options.width, options.height, options.advanced.patchmatch.image_scale);
   const double image = (options.devices.size() < 2 ? 1.0 : 2.0) * on_pages(2.0 * cube_texels(compared.width)) +
                        on_pages(cube_texels(options.width));  // with several devices also packed; the mask
   const bool waits_in_file = !options.scratch_folder.empty();

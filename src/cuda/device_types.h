@@ -47,7 +47,7 @@ struct ColorMask {
 };
 
 /// View types of the device (kernels/stage.h).
-struct DeviceViews {
+struct DeviceViewTypes {
   using Map = DevicePlanes;
   using Planes = DevicePlaneArray;
   using State = DevicePlaneArray;

@@ -17,7 +17,7 @@ struct Search {
   Vec3<float> point, normal;
   kernels::SurfaceDistance<float> off;
   float rank;
-  kernels::Approach<float> there;
+  kernels::SearchRegion<float> there;
 };
 
 /// Whether the other map has a duplicate of a point, and whether one is kept.
@@ -76,12 +76,12 @@ __device__ Duplicates search_other(const DuplicateArgs& args, bool searches, int
   bool many = false;
   search.point = kernels::transform(other.other_from_first, open_point.point);
   if (searches && kernels::may_rank_higher(search.point, open_point.rank, other)) {
-    search.there = kernels::approach(search.point, open_point.reach, other);
-    const kernels::Within<float> reached =
-        kernels::within(search.there, args.round.grid, other.map.width, other.map.height);
-    if (reached.this_one) compare_pixel(args, other, search, reached.row * other.map.width + reached.column, found);
-    many = reached.several && search.there.spacing > kMany * args.round.grid.cos_lat[reached.row];
-    if (reached.several && !many) found = search_within(args, other, search, 0, 1);
+    search.there = kernels::search_region(search.point, open_point.reach, other);
+    const kernels::PixelsInRadius<float> reached =
+        kernels::pixels_in_radius(search.there, args.round.grid, other.map.width, other.map.height);
+    if (reached.single) compare_pixel(args, other, search, reached.row * other.map.width + reached.column, found);
+    many = reached.multiple && search.there.spacing > kMany * args.round.grid.cos_lat[reached.row];
+    if (reached.multiple && !many) found = search_within(args, other, search, 0, 1);
   }
   for (unsigned int left = __ballot_sync(kAll, many); left != 0; left &= left - 1) {
     const int whose = __ffs(static_cast<int>(left)) - 1;
@@ -104,7 +104,7 @@ __global__ void duplicate_kernel(const __grid_constant__ DuplicateArgs args) {
   const int pixel = inside ? y * round.width() + x : 0;
   const std::uint8_t before = inside ? round.map.statuses[pixel] : 0;
   const bool decides = inside && kernels::status_of(before) == PointStatus::kOpen;
-  if (inside && !decides) round.statuses[pixel] = before;
+  if (inside && !decides) round.statuses[pixel] = previous;
   if (__any_sync(kAll, decides) == 0) return;
   kernels::OpenPoint<float> open_point{};
   std::uint32_t pending = 0;
@@ -124,9 +124,9 @@ __global__ void duplicate_kernel(const __grid_constant__ DuplicateArgs args) {
   }
   if (!decides) return;
   args.candidates[pixel] = open;
-  round.statuses[pixel] = kernels::with_standing(before, dropped     ? PointStatus::kDropped
-                                                         : open != 0 ? PointStatus::kOpen
-                                                                     : PointStatus::kKept);
+  round.statuses[pixel] = kernels::with_status(before, dropped     ? PointStatus::kDropped
+                                                       : open != 0 ? PointStatus::kOpen
+                                                                   : PointStatus::kKept);
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 // fails.
 namespace pmsp::cuda {
 
-using PatchMatchPass = kernels::PatchMatchPass<DeviceViews>;
+using PatchMatchPass = kernels::PatchMatchPass<DeviceViewTypes>;
 
 /// Whether this build contains code for the current device.
 bool runs_here();
@@ -23,8 +23,8 @@ void fill_cube(const float* gray, int width, int height, const CubeArgs& cube, c
 
 /// Where patches may be matched: a cube of 8-bit texels, 0 within `radius_px` of a masked pixel. `scratch`: a byte per
 /// pixel.
-void fill_usable_cube(const uchar4* color, int width, int height, double radius_px, unsigned char* scratch,
-                      const CubeArgs& cube, cudaStream_t stream);
+void fill_matchable_cube(const uchar4* color, int width, int height, double radius_px, unsigned char* scratch,
+                         const CubeArgs& cube, cudaStream_t stream);
 
 /// Runs a stage over all its pixels; instantiated in src/cuda/stages.cu. Adds to `counts`; nullptr = not needed.
 template <class Stage>

@@ -7,7 +7,7 @@
 namespace pmsp::cuda {
 namespace {
 
-using Visit = kernels::Visit<float, SharedPatch>;
+using PixelContext = kernels::PixelContext<float, SharedPatch>;
 
 // Small blocks: the pixels of one colour of a small depth map fill hardly more than one wave of blocks.
 constexpr int kBlockWidth = 32;
@@ -28,8 +28,8 @@ __global__ void __launch_bounds__(kPatchThreads, kMinBlocks) start_kernel(const 
   __shared__ __half2 samples[kernels::kPatchSamples * kPatchThreads];
   kernels::PixelBatch<float> batch;
   if (!batch_of_thread(pass, static_cast<int>(blockIdx.z), batch)) return;
-  Visit visit{{}, SharedPatch(samples)};
-  pass.start(visit, batch);
+  PixelContext context{{}, SharedPatch(samples)};
+  pass.start(context, batch);
 }
 
 __global__ void __launch_bounds__(kPatchThreads, kMinBlocks)
@@ -37,8 +37,8 @@ __global__ void __launch_bounds__(kPatchThreads, kMinBlocks)
   __shared__ __half2 samples[kernels::kPatchSamples * kPatchThreads];
   kernels::PixelBatch<float> batch;
   if (!batch_of_thread(pass, colour, batch)) return;
-  Visit visit{{}, SharedPatch(samples)};
-  pass.iterate(visit, batch, iteration, rescore);
+  PixelContext context{{}, SharedPatch(samples)};
+  pass.iterate(context, batch, iteration, rescore);
 }
 
 dim3 colour_grid(const kernels::GridView& grid, int colours) {

@@ -40,7 +40,7 @@ Stream::~Stream() { cudaStreamDestroy(stream_); }
 Event::Event() { PMSP_CUDA_CHECK(cudaEventCreate(&event_)); }
 Event::~Event() { cudaEventDestroy(event_); }
 void Event::record(const Stream& stream) { PMSP_CUDA_CHECK(cudaEventRecord(event_, stream.get())); }
-bool Event::has_come() const {
+bool Event::is_complete() const {
   const bool come = cudaEventQuery(event_) == cudaSuccess;
   if (!come) cudaGetLastError();  // clears "not ready", which counts as an error
   return come;

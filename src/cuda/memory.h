@@ -65,7 +65,7 @@ class Event {
   Event& operator=(const Event&) = delete;
   cudaEvent_t get() const { return event_; }
   void record(const Stream& stream);
-  bool has_come() const;                     ///< also true if nothing was recorded
+  bool is_complete() const;                  ///< also true if nothing was recorded
   void wait() const;                         ///< on the host; returns at once if nothing was recorded
   void wait_on(const Stream& stream) const;  ///< makes the stream wait
   double seconds_since(const Event& start) const;

@@ -13,7 +13,7 @@ Device find_device(int /*number*/) {
 
 int device_count() { return 0; }
 
-void connect(const std::vector<int>& /*devices*/) {}
+void enable_peer_access(const std::vector<int>& /*devices*/) {}
 
 void close(const std::vector<int>& /*devices*/) noexcept {}
 

@@ -106,7 +106,7 @@ __global__ void erode_kernel(const uchar4* color, unsigned char* eroded, int wid
       usable ? 255 : 0;
 }
 
-__global__ void fill_usable_kernel(const unsigned char* eroded, int width, int height, CubeArgs cube) {
+__global__ void fill_matchable_kernel(const unsigned char* eroded, int width, int height, CubeArgs cube) {
   const int i = static_cast<int>(blockIdx.x * blockDim.x + threadIdx.x);
   const int j = static_cast<int>(blockIdx.y * blockDim.y + threadIdx.y);
   const int face = static_cast<int>(blockIdx.z);
@@ -132,12 +132,12 @@ void fill_cube(const float* gray, int width, int height, const CubeArgs& cube, c
   PMSP_CUDA_LAUNCHED();
 }
 
-void fill_usable_cube(const uchar4* color, int width, int height, double radius_px, unsigned char* scratch,
-                      const CubeArgs& cube, cudaStream_t stream) {
+void fill_matchable_cube(const uchar4* color, int width, int height, double radius_px, unsigned char* scratch,
+                         const CubeArgs& cube, cudaStream_t stream) {
   erode_kernel<<<image_grid(width, height), kImageBlock, 0, stream>>>(color, scratch, width, height,
                                                                       static_cast<float>(radius_px));
   PMSP_CUDA_LAUNCHED();
-  fill_usable_kernel<<<image_grid(cube.size, cube.size, 6), kImageBlock, 0, stream>>>(scratch, width, height, cube);
+  fill_matchable_kernel<<<image_grid(cube.size, cube.size, 6), kImageBlock, 0, stream>>>(scratch, width, height, cube);
   PMSP_CUDA_LAUNCHED();
 }
 

@@ -17,15 +17,13 @@ class SharedPatch {
   __device__ explicit SharedPatch(__half2* block) : samples_(block + threadIdx.x + blockDim.x * threadIdx.y) {}
 
   PMSP_HD float weight(int k) const { return __low2float(samples_[k * kPatchThreads]); }
-  PMSP_HD float contrast(int k) const { return __high2float(samples_[k * kPatchThreads]); }
-  PMSP_HD void put(int k, float weight, float contrast) {
-    samples_[k * kPatchThreads] = __floats2half2_rn(weight, contrast);
-  }
+  PMSP_HD float value(int k) const { return __high2float(samples_[k * kPatchThreads]); }
+  PMSP_HD void put(int k, float weight, float value) { samples_[k * kPatchThreads] = __floats2half2_rn(weight, value); }
 
   float center = 0.0F;
   float variance = 0.0F;
   float weight_sum = 1.0F;
-  float contrast_sum = 0.0F;
+  float value_sum = 0.0F;
   bool fine = false;
 
  private:

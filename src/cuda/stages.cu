@@ -27,12 +27,12 @@ __global__ void stage_kernel(const __grid_constant__ Stage stage, unsigned int* 
   int y = 0;
   pixel_of_thread(x, y);
   bool counted[Stage::kCounts + 1] = {};
-  if (x < stage.width() && y < stage.height()) stage(kernels::place_of(x, y, stage.width()), counted);
+  if (x < stage.width() && y < stage.height()) stage(kernels::single_pixel(x, y, stage.width()), counted);
   if (counts == nullptr) return;
   for (int i = 0; i < Stage::kCounts; ++i) count_if(counted[i], counts + i);
 }
 
-using WeightedMedian = kernels::WeightedMedian<DeviceViews>;
+using WeightedMedian = kernels::WeightedMedian<DeviceViewTypes>;
 
 /// Numbers of a thread in shared memory, interleaved with those of its block's other threads.
 struct SharedNumbers {
@@ -48,7 +48,7 @@ __global__ void weighted_median_kernel(const __grid_constant__ WeightedMedian st
   pixel_of_thread(x, y);
   if (x >= stage.width() || y >= stage.height()) return;
   const unsigned int thread = threadIdx.x + blockDim.x * threadIdx.y;
-  stage.filter(kernels::place_of(x, y, stage.width()), SharedNumbers{inverse_depth + thread},
+  stage.filter(kernels::single_pixel(x, y, stage.width()), SharedNumbers{inverse_depth + thread},
                SharedNumbers{weight + thread});
 }
 
@@ -77,13 +77,13 @@ void launch(const WeightedMedian& stage, Counts* /*counts*/, cudaStream_t stream
   PMSP_CUDA_LAUNCHED();
 }
 
-template void launch(const kernels::MedianFilter<DeviceViews>&, Counts*, cudaStream_t);
-template void launch(const kernels::ConsistencyFilter<DeviceViews>&, Counts*, cudaStream_t);
-template void launch(const kernels::FindRanges<DeviceViews>&, Counts*, cudaStream_t);
-template void launch(const kernels::FusePixels<DeviceViews>&, Counts*, cudaStream_t);
-template void launch(const kernels::Eligibility&, Counts*, cudaStream_t);
-template void launch(const kernels::FitFields&, Counts*, cudaStream_t);
-template void launch(const kernels::MeasureFields&, Counts*, cudaStream_t);
+template void launch(const kernels::MedianFilter<DeviceViewTypes>&, Counts*, cudaStream_t);
+template void launch(const kernels::ConsistencyFilter<DeviceViewTypes>&, Counts*, cudaStream_t);
+template void launch(const kernels::FindRanges<DeviceViewTypes>&, Counts*, cudaStream_t);
+template void launch(const kernels::FusePixels<DeviceViewTypes>&, Counts*, cudaStream_t);
+template void launch(const kernels::FreeSpaceTest&, Counts*, cudaStream_t);
+template void launch(const kernels::FitTiles&, Counts*, cudaStream_t);
+template void launch(const kernels::MeasureTiles&, Counts*, cudaStream_t);
 template void launch(const kernels::FindWidePlanes&, Counts*, cudaStream_t);
 template void launch(const kernels::ChooseWidePlanes&, Counts*, cudaStream_t);
 template void launch(const kernels::FindMirrored&, Counts*, cudaStream_t);
@@ -91,22 +91,22 @@ template void launch(const kernels::ConfirmMirrors&, Counts*, cudaStream_t);
 template void launch(const kernels::CountMirrored&, Counts*, cudaStream_t);
 template void launch(const kernels::SumMirrored&, Counts*, cudaStream_t);
 template void launch(const kernels::ChooseMirrors&, Counts*, cudaStream_t);
-template void launch(const kernels::FindEvidence<DeviceViews>&, Counts*, cudaStream_t);
+template void launch(const kernels::FindEvidence<DeviceViewTypes>&, Counts*, cudaStream_t);
 template <kernels::PriorStep step>
-using PriorStage = kernels::PriorCellStep<DeviceViews, step>;
+using PriorStage = kernels::PriorCellStep<DeviceViewTypes, step>;
 template void launch(const PriorStage<kernels::PriorStep::kPixels>&, Counts*, cudaStream_t);
 template void launch(const PriorStage<kernels::PriorStep::kSupports>&, Counts*, cudaStream_t);
 template void launch(const PriorStage<kernels::PriorStep::kSurroundings>&, Counts*, cudaStream_t);
 template void launch(const PriorStage<kernels::PriorStep::kCandidates>&, Counts*, cudaStream_t);
 template void launch(const PriorStage<kernels::PriorStep::kPlanes>&, Counts*, cudaStream_t);
-template void launch(const PriorStage<kernels::PriorStep::kOffers>&, Counts*, cudaStream_t);
+template void launch(const PriorStage<kernels::PriorStep::kAdoption>&, Counts*, cudaStream_t);
 template void launch(const PriorStage<kernels::PriorStep::kChoice>&, Counts*, cudaStream_t);
-template void launch(const kernels::PixelPriors<DeviceViews>&, Counts*, cudaStream_t);
-template void launch(const kernels::ReorderPlanes<DeviceViews>&, Counts*, cudaStream_t);
-template void launch(const kernels::ScoresWithoutPriors<DeviceViews>&, Counts*, cudaStream_t);
-template void launch(const kernels::WarpPixels<DeviceViews, DeviceKeys>&, Counts*, cudaStream_t);
-template void launch(const kernels::DepthImage<DeviceViews>&, Counts*, cudaStream_t);
-template void launch(const kernels::PlaneImage<DeviceViews>&, Counts*, cudaStream_t);
+template void launch(const kernels::PixelPriors<DeviceViewTypes>&, Counts*, cudaStream_t);
+template void launch(const kernels::ReorderPlanes<DeviceViewTypes>&, Counts*, cudaStream_t);
+template void launch(const kernels::ScoresWithoutPriors<DeviceViewTypes>&, Counts*, cudaStream_t);
+template void launch(const kernels::WarpPixels<DeviceViewTypes, DeviceKeys>&, Counts*, cudaStream_t);
+template void launch(const kernels::DepthImage<DeviceViewTypes>&, Counts*, cudaStream_t);
+template void launch(const kernels::PlaneImage<DeviceViewTypes>&, Counts*, cudaStream_t);
 
 void splat_landmarks(const kernels::SplatLandmarks<DeviceKeys>& splat, int count, cudaStream_t stream) {
   constexpr int kPointThreads = 64;

@@ -41,7 +41,7 @@ struct PMSP_API CloudFrame {
   CloudUnit unit;                       ///< see unit_of_frame
   std::vector<Residual> residuals;      ///< of `align`
   std::optional<double> up_spread_deg;  ///< of `up`: median angle between the cameras' up axes and the common one
-  std::string description;              ///< for people; "" without options
+  std::string description;              ///< for messages; "" without options
 
   double residual_rms() const;  ///< 0 without residuals
   double residual_max() const;  ///< 0 without residuals

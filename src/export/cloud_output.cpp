@@ -28,7 +28,7 @@ CloudHeader cloud_header_of(const SlamMap& map, const Similarity& file_from_map,
 }
 
 struct CloudOutput::Impl {
-  Impl(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& to)
+  Impl(const CloudHeader& header, const CloudSelection& amount, const std::vector<Target>& to)
       : file_from_map(header.file_from_map), crop(amount.crop), targets(to), threads(header.threads) {
     for (const Target& target : targets) writers.push_back(target.format->open(target.path, header));
     if (amount.thinning.is_needed()) thinning = std::make_unique<Thinning>(amount.thinning, header.scratch.string());
@@ -66,9 +66,9 @@ struct CloudOutput::Impl {
   std::unique_ptr<Thinning> thinning;  ///< nullptr = none
   int threads;
   std::optional<ThreadPool> pool;
-  std::optional<PlacedPoints> placed;  ///< for points that do not go through PlacePoints
+  std::optional<PointChunks> placed;  ///< for points that do not go through PointProducer
   std::vector<OutputPoint> moved;
-  std::int64_t come = 0, written = 0;
+  std::int64_t added = 0, written = 0;
   bool committed = false;
 };
 
@@ -85,7 +85,7 @@ std::vector<CloudOutput::Target> target_of(const std::filesystem::path& path) {
 
 }  // namespace
 
-CloudOutput::CloudOutput(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& targets)
+CloudOutput::CloudOutput(const CloudHeader& header, const CloudSelection& amount, const std::vector<Target>& targets)
     : impl_(std::make_unique<Impl>(header, amount, targets)) {}
 
 CloudOutput::CloudOutput(const std::filesystem::path& path, const CloudHeader& header)
@@ -95,7 +95,7 @@ CloudOutput::CloudOutput(const std::filesystem::path& path) : CloudOutput(path, 
 
 CloudOutput::~CloudOutput() = default;
 
-void CloudOutput::also_to(CloudWriter& writer) { impl_->others.push_back(&writer); }
+void CloudOutput::add_writer(CloudWriter& writer) { impl_->others.push_back(&writer); }
 
 void CloudOutput::add(const KeyframeCloud& cloud) { add(cloud, cloud.pose()); }
 
@@ -103,12 +103,12 @@ void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
   Impl& impl = *impl_;
   impl.require_open();
   for (const auto& writer : impl.writers) writer->set_window(cloud.keyframe_id, cloud.window_ids);
-  impl.come += static_cast<std::int64_t>(cloud.points.size());
-  const PointPlacer points(cloud, pose, impl.file_from_map);
+  impl.added += static_cast<std::int64_t>(cloud.points.size());
+  const PointTransform points(cloud, pose, impl.file_from_map);
   std::vector<std::uint32_t> inside;
   if (impl.crop) inside = points_in_box(points, *impl.crop, impl.own_pool());
   const std::size_t size = impl.crop ? inside.size() : points.size();
-  const PlacePoints place = [&](std::size_t first, std::size_t last, OutputPoint* to) {
+  const PointProducer place = [&](std::size_t first, std::size_t last, OutputPoint* to) {
     for (std::size_t i = first; i < last; ++i) points.place(impl.crop ? inside[i] : i, *to++);
   };
   std::vector<CloudWriter*> writers = impl.all_writers();
@@ -135,7 +135,7 @@ void CloudOutput::add(const OutputPoint* points, std::size_t count, const Simila
   impl.require_open();
   const bool moves = !file_from_points.is_identity();
   const Eigen::Matrix3f rotation = file_from_points.rotation.cast<float>();
-  impl.come += static_cast<std::int64_t>(count);
+  impl.added += static_cast<std::int64_t>(count);
   impl.moved.clear();
   for (const OutputPoint* point = points; point != points + count; ++point) {
     OutputPoint it = *point;
@@ -152,7 +152,7 @@ void CloudOutput::add(const OutputPoint* points, std::size_t count, const Simila
   }
 }
 
-std::int64_t CloudOutput::points_in() const { return impl_->come; }
+std::int64_t CloudOutput::points_in() const { return impl_->added; }
 std::int64_t CloudOutput::points() const { return impl_->written; }
 
 void CloudOutput::complete() {

@@ -96,7 +96,7 @@ class Las final : public CloudWriter {
 
   void add(const OutputPoint* points, std::size_t count) override { file_.add(points, count, encoder()); }
 
-  bool take(std::size_t count, const PlacePoints& place) override {
+  bool add_parallel(std::size_t count, const PointProducer& producer) override {
     file_.add(count, place, encoder());
     return true;
   }

@@ -11,7 +11,7 @@ constexpr std::size_t kPiece = 8 * kShare;
 
 }  // namespace
 
-PointPlacer::PointPlacer(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map)
+PointTransform::PointTransform(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map)
     : cloud_(cloud),
       scale_(pose.scale),
       map_from_cam_(pose.cam_from_world.inverse()),
@@ -20,12 +20,12 @@ PointPlacer::PointPlacer(const KeyframeCloud& cloud, const KeyframePose& pose, c
       rotation_((moves_ ? Eigen::Matrix3d(file_from_map.rotation * map_from_cam_.rotation) : map_from_cam_.rotation)
                     .cast<float>()) {}
 
-Eigen::Vector3d PointPlacer::position(std::size_t i) const {
+Eigen::Vector3d PointTransform::position(std::size_t i) const {
   const Eigen::Vector3d in_map = map_from_cam_ * (scale_ * cloud_.points[i].position.cast<double>());
   return moves_ ? file_from_map_ * in_map : in_map;
 }
 
-void PointPlacer::place(std::size_t i, OutputPoint& to) const {
+void PointTransform::place(std::size_t i, OutputPoint& to) const {
   const CloudPoint& from = cloud_.points[i];
   to.position = position(i);
   to.normal = rotation_ * from.normal;
@@ -39,11 +39,11 @@ void PointPlacer::place(std::size_t i, OutputPoint& to) const {
 
 void place_points(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map,
                   std::size_t first, std::size_t last, OutputPoint* to) {
-  const PointPlacer placer(cloud, pose, file_from_map);
+  const PointTransform placer(cloud, pose, file_from_map);
   for (std::size_t i = first; i < last; ++i) placer.place(i, *to++);
 }
 
-std::vector<std::uint32_t> points_in_box(const PointPlacer& points, const Box& box, ThreadPool& pool) {
+std::vector<std::uint32_t> points_in_box(const PointTransform& points, const Box& box, ThreadPool& pool) {
   std::vector<std::vector<std::uint32_t>> of_share((points.size() + kShare - 1) / kShare);
   pool.for_each(static_cast<int>(of_share.size()), [&](int number) {
     const std::size_t share = static_cast<std::size_t>(number);
@@ -56,10 +56,10 @@ std::vector<std::uint32_t> points_in_box(const PointPlacer& points, const Box& b
   return all;
 }
 
-PlacedPoints::PlacedPoints(ThreadPool& pool) : pool_(pool), piece_(kPiece) {}
+PointChunks::PointChunks(ThreadPool& pool) : pool_(pool), piece_(kPiece) {}
 
-void PlacedPoints::for_each_piece(std::size_t count, const PlacePoints& place,
-                                  const std::function<void(const OutputPoint* points, std::size_t count)>& take) {
+void PointChunks::for_each_piece(std::size_t count, const PointProducer& place,
+                                 const std::function<void(const OutputPoint* points, std::size_t count)>& take) {
   for (std::size_t begin = 0; begin < count; begin += kPiece) {
     const std::size_t some = std::min(kPiece, count - begin);
     pool_.for_each(static_cast<int>((some + kShare - 1) / kShare), [&](int share) {

@@ -12,10 +12,10 @@
 namespace pmsp {
 
 /// Points of a keyframe, transformed to the frame of a file.
-class PointPlacer {
+class PointTransform {
  public:
   /// `cloud` must outlive it.
-  PointPlacer(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map);
+  PointTransform(const KeyframeCloud& cloud, const KeyframePose& pose, const Similarity& file_from_map);
 
   std::size_t size() const { return cloud_.points.size(); }
   Eigen::Vector3d position(std::size_t i) const;
@@ -31,15 +31,15 @@ class PointPlacer {
 };
 
 /// Returns the indices of the points in a box, ascending.
-std::vector<std::uint32_t> points_in_box(const PointPlacer& points, const Box& box, ThreadPool& pool);
+std::vector<std::uint32_t> points_in_box(const PointTransform& points, const Box& box, ThreadPool& pool);
 
 /// Transforms clouds with several threads, in pieces to bound memory.
-class PlacedPoints {
+class PointChunks {
  public:
-  explicit PlacedPoints(ThreadPool& pool);
+  explicit PointChunks(ThreadPool& pool);
 
   /// Calls `take` for each piece of the `count` points of `place`; the piece is valid during the call.
-  void for_each_piece(std::size_t count, const PlacePoints& place,
+  void for_each_piece(std::size_t count, const PointProducer& place,
                       const std::function<void(const OutputPoint* points, std::size_t count)>& take);
 
  private:

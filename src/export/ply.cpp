@@ -84,7 +84,7 @@ class Ply final : public CloudWriter {
     file_.add(points, count, double_positions_ ? encode<double> : encode<float>);
   }
 
-  bool take(std::size_t count, const PlacePoints& place) override {
+  bool add_parallel(std::size_t count, const PointProducer& producer) override {
     file_.add(count, place, double_positions_ ? encode<double> : encode<float>);
     return true;
   }

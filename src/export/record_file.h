@@ -35,7 +35,7 @@ class RecordFile {
 
   /// As above, for points that are transformed just before encoding, while in the cache.
   template <class Encode>
-  void add(std::size_t count, const PlacePoints& place, const Encode& encode) {
+  void add(std::size_t count, const PointProducer& place, const Encode& encode) {
     each_share(count, [&](std::size_t first, std::size_t number, char* to) {
       std::array<OutputPoint, kPlaced> placed;
       for (std::size_t done = 0; done < number; done += kPlaced) {

@@ -26,15 +26,15 @@ Image<float> consistency_filter(const PlaneMap& map, const std::vector<const Pla
   const SphereGrid grid(map.width(), map.height());
   Image<float> confidence(map.width(), map.height());
   Image<float> reported(map.width(), map.height());
-  auto stage = consistency_stage<kernels::HostViews>(view_of(map), grid.view(), others.size(), options, pose_error,
-                                                     confidence.pixels().data(), reported.pixels().data());
+  auto stage = consistency_stage<kernels::HostViewTypes>(view_of(map), grid.view(), others.size(), options, pose_error,
+                                                         confidence.pixels().data(), reported.pixels().data());
   for (std::size_t k = 0; k < others.size(); ++k) {
     if (!same_size(*others[k], map)) throw InvalidInput("consistency_filter: the maps differ in size");
     check_scale("consistency_filter: ", others[k]->scale);
     stage.others[k] = {view_of(*others[k]),
-                       relation(others[k]->pose(), map.pose(), 0.5 * lens_distance).other_from_first};
+                       relative_pose(others[k]->pose(), map.pose(), 0.5 * lens_distance).other_from_first};
   }
-  const auto counts = inside(executor).run(stage);
+  const auto counts = impl_of(executor).run(stage);
   if (stats != nullptr) *stats = {counts[0], counts[1]};
   return reported;
 }

@@ -12,10 +12,10 @@
 // Stages of the filters, for all backends.
 namespace pmsp {
 
-template <class Views>
-kernels::MedianFilter<Views> median_stage(const typename Views::Map& map, const kernels::GridView& grid,
-                                          const typename Views::Mask& mask, const MedianFilterOptions& options,
-                                          const typename Views::Planes& to) {
+template <class ViewTypes>
+kernels::MedianFilter<ViewTypes> median_stage(const typename ViewTypes::Map& map, const kernels::GridView& grid,
+                                              const typename ViewTypes::Mask& mask, const MedianFilterOptions& options,
+                                              const typename ViewTypes::Planes& to) {
   return {map,
           grid,
           mask,
@@ -26,30 +26,31 @@ kernels::MedianFilter<Views> median_stage(const typename Views::Map& map, const 
 }
 
 /// Number of other maps that must agree; in proportion if there are fewer than in a full window.
-inline int agreeing_maps_wanted(const ConsistencyFilterOptions& options, std::size_t others) {
+inline int min_agreeing_maps(const ConsistencyFilterOptions& options, std::size_t others) {
   const double share = static_cast<double>(others) / (options.window - 1);
   const int full = options.min_views - 1;
   return std::min(full, std::max(1, static_cast<int>(std::lround(full * std::min(share, 1.0)))));
 }
 
-/// Consistency filter without the other maps, `count` of them. `pose_error`: Keyframe::pose_error; `reported`:
+/// Consistency filter without the other maps, `count` of them. `pose_error`: Keyframe::pose_error; `with_pose_error`:
 /// confidences that include it.
-template <class Views>
-kernels::ConsistencyFilter<Views> consistency_stage(const typename Views::Map& map, const kernels::GridView& grid,
-                                                    std::size_t count, const ConsistencyFilterOptions& options,
-                                                    double pose_error, float* confidence, float* reported) {
-  kernels::ConsistencyFilter<Views> stage{};
+template <class ViewTypes>
+kernels::ConsistencyFilter<ViewTypes> consistency_stage(const typename ViewTypes::Map& map,
+                                                        const kernels::GridView& grid, std::size_t count,
+                                                        const ConsistencyFilterOptions& options, double pose_error,
+                                                        float* confidence, float* with_pose_error) {
+  kernels::ConsistencyFilter<ViewTypes> stage{};
   stage.map = map;
   stage.grid = grid;
   stage.count = options.enabled ? static_cast<int>(count) : 0;
-  stage.wanted = agreeing_maps_wanted(options, count);
+  stage.min_agreeing = min_agreeing_maps(options, count);
   const float pixel_angle = static_cast<float>(2.0 * kernels::kPi / grid.width);
   stage.tolerance =
       std::max(static_cast<float>(options.max_relative_depth), pixel_angle);  // at least the resolution of a map
-  stage.share = kernels::share_of_coarse_map(grid.width);
+  stage.width_factor = kernels::width_correction(grid.width);
   stage.pose_error = static_cast<float>(pose_error);
   stage.confidence = confidence;
-  stage.to_report = reported;
+  stage.with_pose_error = with_pose_error;
   return stage;
 }
 

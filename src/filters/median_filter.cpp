@@ -15,8 +15,8 @@ PlaneMap median_filter(const PlaneMap& map, const MedianFilterOptions& options, 
   filtered.cam_from_world = map.cam_from_world;
   filtered.scale = map.scale;
   const SphereGrid grid(map.width(), map.height());
-  const auto counts = inside(executor).run(
-      median_stage<kernels::HostViews>(view_of(map), grid.view(), {nullptr}, options, arrays_of(filtered)));
+  const auto counts = impl_of(executor).run(
+      median_stage<kernels::HostViewTypes>(view_of(map), grid.view(), {nullptr}, options, arrays_of(filtered)));
   if (stats != nullptr) *stats = {counts[1], counts[2]};
   return filtered;
 }

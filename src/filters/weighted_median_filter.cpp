@@ -24,9 +24,9 @@ PlaneMap weighted_median_filter(const PlaneMap& map, const Panorama& panorama, c
   filtered.scale = map.scale;
   const SphereGrid grid(map.width(), map.height());
   const Array<std::uint32_t> color = color_words(panorama.color(), executor);
-  const std::uint8_t* const usable = panorama.usable().empty() ? nullptr : panorama.usable().row(0);
-  inside(executor).run(kernels::WeightedMedian<kernels::HostViews>{
-      view_of(map), grid.view(), color.get(), {usable}, arrays_of(filtered)});
+  const std::uint8_t* const unmasked = panorama.mask().empty() ? nullptr : panorama.mask().row(0);
+  impl_of(executor).run(kernels::WeightedMedian<kernels::HostViewTypes>{
+      view_of(map), grid.view(), color.get(), {unmasked}, arrays_of(filtered)});
   return filtered;
 }
 

@@ -58,7 +58,7 @@ kernels::SurfelView view_of(const PosedSurfels& points) {
 
 SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current, const FusionOptions& options,
                       const Executor& executor, double lens_distance) {
-  using kernels::HostViews;
+  using kernels::HostViewTypes;
   options.validate();
   check(window, current);
   const PlaneMap& map = *window[current].map;
@@ -69,16 +69,16 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
   fused.surfels = Image<std::uint32_t>(map.width(), map.height());
   fused.details = Image<std::uint32_t>(map.width(), map.height());
   fused.statuses = Image<std::uint8_t>(map.width(), map.height());
-  kernels::FusePixels<HostViews> stage{};
+  kernels::FusePixels<HostViewTypes> stage{};
   stage.grid = grid.view();
   stage.limits = fusion_limits(options);
   stage.pose_error = static_cast<float>(window[current].pose_error);
   for (std::size_t k = 0; k < window.size(); ++k) {
     const FusionMap& input = window[k];
-    const Relation to = relation(input.pose, window[current].pose, 0.5 * lens_distance);
+    const RelativePose to = relative_pose(input.pose, window[current].pose, 0.5 * lens_distance);
     colors.push_back(color_words(*input.color, executor));
-    const kernels::FusionView<HostViews> view{view_of(*input.map, *input.confidence), colors.back().get(),
-                                              to.other_from_first, to.scale_ratio};
+    const kernels::FusionView<HostViewTypes> view{view_of(*input.map, *input.confidence), colors.back().get(),
+                                                  to.other_from_first, to.scale_ratio};
     if (k == current) {
       stage.first = view;
       continue;
@@ -89,7 +89,7 @@ SurfelMap fuse_pixels(const std::vector<FusionMap>& window, std::size_t current,
   fused.agree.resize(fused.surfels.size() * static_cast<std::size_t>(fused.agree_bytes()));
   stage.to = {fused.surfels.pixels().data(), fused.details.pixels().data(), fused.statuses.pixels().data(),
               fused.agree.data(), fused.agree_bytes()};
-  inside(executor).run(stage);
+  impl_of(executor).run(stage);
   return fused;
 }
 
@@ -104,7 +104,7 @@ Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& 
   CpuProcessor on(executor, width, height);
   Image<std::uint8_t> statuses(width, height);
   std::vector<kernels::Rigid> from_viewers;
-  kernels::Eligibility stage{};
+  kernels::FreeSpaceTest stage{};
   stage.surfels = map.surfels.pixels().data();
   stage.details = map.details.pixels().data();
   stage.grid = on.grid();
@@ -118,12 +118,12 @@ Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& 
       throw InvalidInput("free_space_filter: maps differ in size");
     }
     check_scale("free_space_filter: ", viewer.pose.scale);
-    const Relation to = relation(viewer.pose, pose, 0.5 * lens_distance);
+    const RelativePose to = relative_pose(viewer.pose, pose, 0.5 * lens_distance);
     stage.viewers[stage.count++] = {
         {nearest.pixels().data(), viewer.ranges->farthest.pixels().data(), nearest.width(), nearest.height()},
         to.other_from_first,
         to.scale_ratio};
-    from_viewers.push_back(relation(pose, viewer.pose, 0.5 * lens_distance).other_from_first);
+    from_viewers.push_back(relative_pose(pose, viewer.pose, 0.5 * lens_distance).other_from_first);
   }
   if (!options.enabled) stage.count = 0;
   Mirrors mirrors;
@@ -154,7 +154,7 @@ Image<std::uint8_t> duplicate_round(const PosedSurfels& reference, std::vector<s
     if (viewer.map == nullptr) continue;
     check_surfels("duplicate_round", viewer);
     if (!same_size(viewer.map->surfels, map.surfels)) throw InvalidInput("duplicate_round: maps differ in size");
-    const Relation to = relation(viewer.pose, reference.pose, 0.5 * lens_distance);
+    const RelativePose to = relative_pose(viewer.pose, reference.pose, 0.5 * lens_distance);
     stage.others[k] = {view_of(viewer), to.other_from_first, to.scale_ratio, viewer.map->keyframe_id < map.keyframe_id};
   }
   const CpuProcessor on(executor, width, height);

@@ -20,18 +20,18 @@ struct Mirrors {
 /// Plane of each field of a keyframe's points (kernels/wide_plane.h).
 template <class Processor>
 Array<kernels::WidePlane> wide_planes(Processor& on, const std::uint32_t* surfels) {
-  constexpr std::size_t kShares = std::size_t{kernels::kFields} * kernels::kFieldSide;
+  constexpr std::size_t kShares = std::size_t{kernels::kTiles} * kernels::kTileSide;
   const kernels::GridView grid = on.grid();
-  const auto found = on.template array<kernels::WidePlane>(kernels::kFields);
+  const auto found = on.template array<kernels::WidePlane>(kernels::kTiles);
   const auto supports = on.template array<kernels::FieldSupport>(kShares);
-  auto before = on.template array<kernels::FieldSums>(kShares);
-  auto sums = on.template array<kernels::FieldSums>(kShares);
-  for (const float& reach : kernels::kFieldReach) {
+  auto before = on.template array<kernels::TileSums>(kShares);
+  auto sums = on.template array<kernels::TileSums>(kShares);
+  for (const float& reach : kernels::kTileReach) {
     std::swap(before, sums);
-    const bool is_first = &reach == kernels::kFieldReach;
-    on.launch(kernels::FitFields{surfels, grid, is_first ? nullptr : before.get(), reach, sums.get()}, nullptr);
+    const bool is_first = &reach == kernels::kTileReach;
+    on.launch(kernels::FitTiles{surfels, grid, is_first ? nullptr : before.get(), reach, sums.get()}, nullptr);
   }
-  on.launch(kernels::MeasureFields{surfels, grid, sums.get(), supports.get()}, nullptr);
+  on.launch(kernels::MeasureTiles{surfels, grid, sums.get(), supports.get()}, nullptr);
   on.launch(kernels::FindWidePlanes{grid, sums.get(), supports.get(), found.get()}, nullptr);
   return found;
 }
@@ -39,8 +39,8 @@ Array<kernels::WidePlane> wide_planes(Processor& on, const std::uint32_t* surfel
 /// Finds the mirrors of a keyframe (kernels/mirror.h) and adds them to `test`, which has the keyframe's points and
 /// viewers already. `from_viewers`: from each viewer's frame into the keyframe's.
 template <class Processor>
-Mirrors find_mirrors(Processor& on, const std::vector<kernels::Rigid>& from_viewers, kernels::Eligibility& test) {
-  if (test.count < 2) return {};  // a mirror image needs two witnesses
+Mirrors find_mirrors(Processor& on, const std::vector<kernels::Rigid>& from_viewers, kernels::FreeSpaceTest& test) {
+  if (test.count < 2) return {};  // a mirror image needs two viewers
   const kernels::GridView grid = on.grid();
   const int cells = grid.width / kernels::kRangeCell * (grid.height / kernels::kRangeCell);
   const int parts = kernels::kCountColumns * (grid.height / kernels::kRangeCell);

@@ -15,7 +15,7 @@ RangeMap range_map(const PlaneMap& map, const Image<float>& confidence, const Ex
   const SphereGrid grid(map.width(), map.height());
   RangeMap ranges{map.keyframe_id, map.cam_from_world, Image<float>(width, height), Image<float>(width, height),
                   map.scale};
-  inside(executor).run(kernels::FindRanges<kernels::HostViews>{
+  impl_of(executor).run(kernels::FindRanges<kernels::HostViewTypes>{
       view_of(map, confidence), grid.view(), ranges.nearest.pixels().data(), ranges.farthest.pixels().data()});
   return ranges;
 }

@@ -7,7 +7,7 @@ namespace pmsp {
 
 PlaneMap planes_from_landmarks(const Keyframe& keyframe, int width, int height, const InitOptions& options,
                                const Executor& executor, double lens_distance) {
-  using kernels::HostViews;
+  using kernels::HostViewTypes;
   const CpuProcessor on(executor, width, height);
   const auto keys = on.keys();
   const auto [points, count] = on.landmarks(keyframe, 0.5 * lens_distance);
@@ -17,7 +17,7 @@ PlaneMap planes_from_landmarks(const Keyframe& keyframe, int width, int height, 
   planes.cam_from_world = keyframe.cam_from_world;
   planes.scale = keyframe.scale;
   on.launch(
-      kernels::PlanesOfKeys<HostViews, kernels::LandmarkPlanes>{
+      kernels::PlanesOfKeys<HostViewTypes, kernels::LandmarkPlanes>{
           {keys.get(), points.get()}, on.grid(), arrays_of(planes)},
       nullptr);
   return planes;

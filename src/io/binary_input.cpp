@@ -28,7 +28,7 @@ std::string in_quotes(const std::string& text) {
   return result + (text.size() > kLongest ? "...\"" : "\"");
 }
 
-std::string shown(double value) {
+std::string to_message(double value) {
   char text[40];
   std::snprintf(text, sizeof text, "%.10g", value);
   return text;

@@ -21,7 +21,7 @@ namespace pmsp {
 std::string in_quotes(const std::string& text);
 
 /// Formats a number for messages.
-std::string shown(double value);
+std::string to_message(double value);
 
 /// Byte stream of a file with a buffer of 1 MiB; numbers are little-endian. Throws IoError if it cannot be read,
 /// InvalidInput with the byte offset if it ends too early.

@@ -13,7 +13,7 @@ std::optional<CameraCalibration> calibrate_camera(const SlamMap& map, const Imag
                                                   const CalibrationOptions& options, const Executor& executor) {
   CameraCalibration result;
   if (images.keyframe_ids().empty() || (!options.lenses && !options.rig)) return result;
-  const std::unique_ptr<ImageSource> source = images.again();
+  const std::unique_ptr<ImageSource> source = images.reopen();
   io::restrict_to_sample(*source);
   source->read_ahead(executor.threads());
   LensDistanceEstimator lenses;

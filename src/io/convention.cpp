@@ -102,7 +102,7 @@ void check_half_pixel(const SlamMap& map, const std::vector<Sample>& samples, Co
   const Shift x = shift_of(across);
   const Shift y = shift_of(down);
   if (!x.is_half()) {
-    if (y.is_half() && !map.half_row_may_remain) {
+    if (y.is_half() && !map.pixel_centers_at_integers) {
       check.remark = std::string("observations lie half a pixel ") + (y.at > 0.0 ? "below" : "above") +
                      " their landmarks: the program of the map has other pixel centres";
     }
@@ -124,7 +124,7 @@ void check_half_pixel(const SlamMap& map, const std::vector<Sample>& samples, Co
 
 ConventionCheck check_convention(const SlamMap& map) {
   ConventionCheck check;
-  if (!map.observations_are_tested) return check;
+  if (!map.observations_are_measured) return check;
   const std::vector<Sample> samples = samples_of(map);
   if (samples.size() < kFewest) return check;
   check.observations = samples.size();

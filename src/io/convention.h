@@ -20,8 +20,8 @@ struct ConventionCheck {
 
 /// Tests the conventions of a map against others with the same numbers: mirrored images, flipped latitude, OpenGL or
 /// body axes, seam in front, inverted poses, quaternions with w first, pixels off by half. No verdict with fewer than
-/// 100 observations or if these are projections themselves (`SlamMap::observations_are_tested`); then `observations` is
-/// 0.
+/// 100 observations or if these are projections themselves (`SlamMap::observations_are_measured`); then `observations`
+/// is 0.
 PMSP_API ConventionCheck check_convention(const SlamMap& map);
 
 /// As check_convention; throws InvalidInput, naming the convention that fits better, if there is one.

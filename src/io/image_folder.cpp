@@ -201,8 +201,8 @@ io::NamingScheme read_map_names(const SlamMap& map, const std::filesystem::path&
   std::vector<std::filesystem::path> found = named_files(map, folder, false);
   const auto is_empty = [](const std::filesystem::path& path) { return path.empty(); };
   if (std::all_of(found.begin(), found.end(), is_empty)) found = named_files(map, folder, true);
-  std::map<std::filesystem::path, int> takers;
-  for (const std::filesystem::path& path : found) ++takers[path];
+  std::map<std::filesystem::path, int> keyframes_of;
+  for (const std::filesystem::path& path : found) ++keyframes_of[path];
   for (std::size_t k = 0; k < map.keyframes.size(); ++k) {
     const std::string& image = map.keyframes[k].image;
     std::filesystem::path path = found[k];
@@ -211,8 +211,8 @@ io::NamingScheme read_map_names(const SlamMap& map, const std::filesystem::path&
       reason = "the map names no image for it";
     } else if (path.empty()) {
       reason = (folder / image).string() + " does not exist";
-    } else if (takers[path] > 1 && path != folder / image) {
-      reason = path.string() + " could be the image of " + std::to_string(takers[path]) +
+    } else if (keyframes_of[path] > 1 && path != folder / image) {
+      reason = path.string() + " could be the image of " + std::to_string(keyframes_of[path]) +
                " keyframes; give the directory that their names (" + image + ") are relative to";
       path.clear();
     }
@@ -227,7 +227,7 @@ io::NamingScheme read_map_names(const SlamMap& map, const std::filesystem::path&
   return scheme;
 }
 
-/// First missing files of those named in the map, for people; "" = none.
+/// First missing files of those named in the map, for messages; "" = none.
 std::string missing_names(const SlamMap& map, const io::NamingScheme& scheme) {
   constexpr std::size_t kNames = 3;
   std::string names;
@@ -242,18 +242,18 @@ std::string missing_names(const SlamMap& map, const io::NamingScheme& scheme) {
 class ImageFolder final : public ImageSource {
  public:
   ImageFolder(const SlamMap& map, const std::filesystem::path& folder, const io::NamingScheme& scheme,
-              const std::vector<io::NumberedFile>& files, bool told_by_images) {
+              const std::vector<io::NumberedFile>& files, bool chosen_by_images) {
     for (const std::size_t k : paired_keyframes(map, scheme)) {
       const MapKeyframe& keyframe = map.keyframes[k];
       ids_.push_back(keyframe.id);
-      plan_.push_back({files[static_cast<std::size_t>(scheme.file[k])].path,
-                       map.cameras[static_cast<std::size_t>(keyframe.camera)]});
+      entries_.push_back({files[static_cast<std::size_t>(scheme.file[k])].path,
+                          map.cameras[static_cast<std::size_t>(keyframe.camera)]});
     }
     for (std::size_t k = 0; k < map.keyframes.size(); ++k)
       if (scheme.file[k] < 0) skipped_.push_back({map.keyframes[k].id, scheme.reason[k]});
     description_ = std::to_string(ids_.size()) + " of " + std::to_string(map.keyframes.size()) +
                    " keyframes found in " + folder.string() + ": file names are " + scheme.meaning;
-    if (told_by_images) description_ += "; names alone also fit another scheme, but its images do not";
+    if (chosen_by_images) description_ += "; names alone also fit another scheme, but its images do not";
   }
 
   const std::vector<std::int64_t>& keyframe_ids() const override { return ids_; }
@@ -261,7 +261,7 @@ class ImageFolder final : public ImageSource {
   const std::string& description() const override { return description_; }
 
   std::optional<Item> next() override {
-    while (begun_ < plan_.size() && begun_ - next_ < std::max<std::size_t>(1, ahead_)) {
+    while (begun_ < entries_.size() && begun_ - next_ < std::max<std::size_t>(1, ahead_)) {
       const auto policy = ahead_ > 0 ? std::launch::async : std::launch::deferred;
       decoding_.push_back(std::async(policy, [this, i = begun_] { return decode(i); }));
       ++begun_;
@@ -278,7 +278,7 @@ class ImageFolder final : public ImageSource {
   Origin origin(std::int64_t keyframe_id) const override {
     const auto found = std::find(ids_.begin(), ids_.end(), keyframe_id);
     if (found == ids_.end()) throw InvalidInput("keyframe " + std::to_string(keyframe_id) + " has no image");
-    return {plan_[static_cast<std::size_t>(found - ids_.begin())].path, ""};
+    return {entries_[static_cast<std::size_t>(found - ids_.begin())].path, ""};
   }
 
   void restrict_to(const std::set<std::int64_t>& keyframe_ids) override {
@@ -286,14 +286,14 @@ class ImageFolder final : public ImageSource {
     for (std::size_t i = 0; i < ids_.size(); ++i) {
       if (keyframe_ids.count(ids_[i]) == 0) continue;
       ids_[kept] = ids_[i];
-      plan_[kept++] = plan_[i];
+      entries_[kept++] = entries_[i];
     }
     ids_.resize(kept);
-    plan_.resize(kept);
+    entries_.resize(kept);
   }
 
-  std::unique_ptr<ImageSource> again() const override {
-    return std::unique_ptr<ImageSource>(new ImageFolder(ids_, plan_, skipped_, description_));
+  std::unique_ptr<ImageSource> reopen() const override {
+    return std::unique_ptr<ImageSource>(new ImageFolder(ids_, entries_, skipped_, description_));
   }
 
  private:
@@ -305,19 +305,19 @@ class ImageFolder final : public ImageSource {
   ImageFolder(std::vector<std::int64_t> ids, std::vector<Entry> plan, std::vector<SkippedKeyframe> skipped,
               std::string description)
       : ids_(std::move(ids)),
-        plan_(std::move(plan)),
+        entries_(std::move(plan)),
         skipped_(std::move(skipped)),
         description_(std::move(description)) {}
 
   Item decode(std::size_t i) const {
-    const Entry& entry = plan_[i];
+    const Entry& entry = entries_[i];
     const cv::Mat bgr = io::decode_image_file(entry.path, cv::IMREAD_COLOR);
     io::check_image_size(entry.path.string(), bgr.cols, bgr.rows, entry.camera);
     return Item{ids_[i], io::rgb_from_bgr(bgr)};
   }
 
   std::vector<std::int64_t> ids_;
-  std::vector<Entry> plan_;
+  std::vector<Entry> entries_;
   std::vector<SkippedKeyframe> skipped_;
   std::string description_;
   std::size_t ahead_ = 0;

@@ -126,7 +126,7 @@ void name_by_time(SlamMap& map, std::vector<Line>& lines, const std::filesystem:
   // A trajectory may have a pose per video frame, but only some images.
   const bool leaves_out = map.ids_are_row_numbers && 2 * match.count >= lines.size();
   map.notes.push_back((leaves_out ? "poses left out, without an image in " : "keyframes without an image in ") +
-                      path.string() + " within " + shown(match.tolerance) + " s: " + std::to_string(without));
+                      path.string() + " within " + to_message(match.tolerance) + " s: " + std::to_string(without));
   if (!leaves_out) return;
   map.keyframes.erase(std::remove_if(map.keyframes.begin(), map.keyframes.end(),
                                      [](const MapKeyframe& keyframe) { return keyframe.image.empty(); }),

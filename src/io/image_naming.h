@@ -37,7 +37,7 @@ std::vector<NumberedFile> list_numbered_images(const std::filesystem::path& fold
 
 /// Interpretation of the file names, with its pairing.
 struct NamingScheme {
-  std::string meaning;              ///< description for people: "frame indices (timestamp x 10 fps)"
+  std::string meaning;              ///< description for messages: "frame indices (timestamp x 10 fps)"
   std::vector<int> file;            ///< per keyframe of the map: index of its file, -1 = none
   std::vector<std::string> reason;  ///< per keyframe: why it has no file
   int found = 0;                    ///< number of keyframes with a file

@@ -19,11 +19,11 @@ bool Decoder::take_image(Decoded& decoded) {
   try {
     decoded.item = source_.next();
     take_skipped(decoded);
-    ++asked_;
+    ++next_id_;
     return true;
   } catch (const IoError& error) {
     take_skipped(decoded);
-    decoded.skipped.push_back({source_.keyframe_ids().at(asked_++), error.what()});
+    decoded.skipped.push_back({source_.keyframe_ids().at(next_id_++), error.what()});
     if (first_error_.empty()) first_error_ = error.what();
     return false;
   }
@@ -31,7 +31,7 @@ bool Decoder::take_image(Decoded& decoded) {
 
 /// Appends keyframes that the source has skipped since the last call.
 void Decoder::take_skipped(Decoded& decoded) {
-  for (; listed_ < source_.skipped().size(); ++listed_, ++asked_) {
+  for (; listed_ < source_.skipped().size(); ++listed_, ++next_id_) {
     decoded.skipped.push_back(source_.skipped()[listed_]);
   }
 }

@@ -38,8 +38,8 @@ class PMSP_API Decoder {
   void take_skipped(Decoded& decoded);
 
   ImageSource& source_;
-  std::size_t listed_;     ///< index into the source's skipped()
-  std::size_t asked_ = 0;  ///< index into the source's keyframe_ids
+  std::size_t listed_;       ///< index into the source's skipped()
+  std::size_t next_id_ = 0;  ///< index into the source's keyframe_ids
   std::string first_error_;
 };
 
@@ -62,7 +62,7 @@ class PMSP_API ImageReader {
   ImageReader& operator=(const ImageReader&) = delete;
 
   struct Read : Decoded {
-    Keyframe keyframe;                                ///< of the image, with it, without mask
+    Keyframe keyframe;                                ///< of the image; `image` is set, `mask` is not
     std::optional<PairingVerifier::Verdict> pairing;  ///< verdict on the images so far
   };
   /// Returns the next image; not to be called after the last one or an exception. Throws InvalidInput if the images so

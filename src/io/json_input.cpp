@@ -138,7 +138,7 @@ json parse_json(const std::string& text, const std::filesystem::path& name) {
 
 void JsonValue::refuse(const std::string& expected) const {
   std::string found = json_->type_name();
-  if (json_->is_number()) found = shown(json_->get<double>());
+  if (json_->is_number()) found = to_message(json_->get<double>());
   if (json_->is_string()) found = in_quotes(json_->get_ref<const std::string&>());
   if (json_->is_array()) found = "an array of " + std::to_string(json_->size());
   fail(*path_, where_, "is " + found + ", expected " + expected);

@@ -266,7 +266,7 @@ LandmarkSweep::Result LandmarkSweep::make_landmarks(SlamMap& map, int threads, b
       }
     }
   }
-  map.observations_are_tested = false;
+  map.observations_are_measured = false;
   result.landmarks = map.landmarks.size();
   result.share = result.patches > 0 ? static_cast<double>(result.landmarks) / static_cast<double>(result.patches) : 0.0;
   return result;

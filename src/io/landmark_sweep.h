@@ -37,7 +37,7 @@ class PMSP_API LandmarkSweep {
     bool conclusive = true;     ///< enough images and patches for a verdict
     bool fits = true;           ///< false: other poses match clearly more, or the map's hardly more than chance
     bool doubtful = false;      ///< poses may fit, but match less than correct ones usually do
-    std::string message;        ///< a sentence for people; "" = poses fit
+    std::string message;        ///< message; "" = poses fit
   };
 
   /// Compares the poses, on some patches of at most eight keyframes, with those of other keyframes (chance), with other

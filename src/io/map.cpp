@@ -16,7 +16,7 @@
 namespace pmsp {
 namespace map_detail {
 
-/// Table of formats. A new one needs a file that defines it, a line here and below, and one in CMakeLists.txt.
+// To add a format: define it in its own file, declare it here, add it to kFormats and to CMakeLists.txt.
 extern const MapFormat kColmap;
 extern const MapFormat kOpenSfm;
 extern const MapFormat kOpenMvg;
@@ -101,8 +101,10 @@ std::string describe(const MapFile& file) {
 }
 
 bool is_sqlite_map(MapFile& file) { return file.head().compare(0, 16, std::string("SQLite format 3\0", 16)) == 0; }
-SlamMap sqlite_map(MapFile& file, const ReadMapOptions& /*options*/) { return finish_map(read_sqlite(file.path())); }
-SlamMap msgpack_map(MapFile& file, const ReadMapOptions& /*options*/) { return finish_map(read_msgpack(file.path())); }
+SlamMap sqlite_map(MapFile& file, const ReadMapOptions& /*options*/) { return map_from_raw(read_sqlite(file.path())); }
+SlamMap msgpack_map(MapFile& file, const ReadMapOptions& /*options*/) {
+  return map_from_raw(read_msgpack(file.path()));
+}
 
 constexpr MapFormat kSqlite{"SQLite", "a map of OpenVSLAM or stella_vslam (*.msg, *.db)", is_sqlite_map, sqlite_map};
 constexpr MapFormat kMsgpack{"MessagePack", nullptr, is_msgpack_map, msgpack_map};

@@ -65,7 +65,8 @@ std::map<std::int64_t, int> read_cameras(const JsonValue& json, SlamMap& map) {
     if (!is_panorama) return;
     const double width = number_of(entry.at("width"));
     const double height = number_of(entry.at("height"));
-    map.cameras.push_back(panorama("intrinsic " + std::to_string(id), width, height, map.path, entry.where()));
+    map.cameras.push_back(
+        equirectangular_camera("intrinsic " + std::to_string(id), width, height, map.path, entry.where()));
     if (!entry.has("principalPoint")) return;
     const JsonValue point = entry.at("principalPoint");
     if (point.size() != 2) point.refuse("an array of 2 numbers");
@@ -73,7 +74,7 @@ std::map<std::int64_t, int> read_cameras(const JsonValue& json, SlamMap& map) {
                                 (from_corner ? 0.5 : 0.0) * Eigen::Vector2d(width, height);
     if (!(off.cwiseAbs().maxCoeff() <= 1.0)) {
       fail(map.path, point.where(),
-           "is (" + shown(off.x()) + ", " + shown(off.y()) +
+           "is (" + to_message(off.x()) + ", " + to_message(off.y()) +
                ") from the middle of the image, expected a panorama whose middle looks forward, within a pixel");
     }
   });
@@ -124,7 +125,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
   SlamMap map;
   map.path = file.path();
   map.format = "AliceVision";
-  map.half_row_may_remain = true;
+  map.pixel_centers_at_integers = true;
   const std::map<std::int64_t, int> cameras = read_cameras(json, map);
   const std::map<std::int64_t, RigidTransform> poses = read_poses(json, map.path);
   std::map<std::int64_t, std::string> views;  // image by view id
@@ -162,7 +163,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
   }
   number_by_image(map);
   read_structure(json, views, map);
-  return finish_scene(std::move(map));
+  return finalize_map(std::move(map));
 }
 
 }  // namespace

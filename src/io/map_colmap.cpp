@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 //
-// COLMAP's sparse models, https://colmap.github.io/format.html: cameras, images and points3D, as text or binary. Poses
-// are cam_from_world with this library's axes, and pixel centres are at + 0.5. Since 3.12 rigs and frames lie beside
-// them; the poses in images are whole all the same. EQUIRECTANGULAR (width, height) is in COLMAP since 4.1; forks had
-// SPHERICAL with the same parameters, and SPHERE (f, cx, cy).
+// Reader of COLMAP sparse models (https://colmap.github.io/format.html), text or binary. Poses are cam_from_world with
+// the axes of this library; pixel centres are at + 0.5. Rigs and frames (COLMAP >= 3.12) are not read, since images
+// contain complete poses. Panoramas: EQUIRECTANGULAR (width, height; COLMAP >= 4.1), SPHERICAL (same, forks), SPHERE
+// (f, cx, cy; SphereSfM).
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -23,76 +23,78 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::int64_t kNoPoint = -1;
-constexpr int kSphericalForkId = 16;  ///< SPHERICAL before it got its number; COLMAP's own 16, EUCM, has 6 parameters
-constexpr int kSphere = 11;           ///< SphereSfM's SPHERE; COLMAP's own 11 has 16 parameters
+constexpr int kSphericalForkId = 16;  ///< id of SPHERICAL in forks (2 parameters); in COLMAP EUCM (6)
+constexpr int kSphere = 11;  ///< id of SPHERE in SphereSfM (3 parameters); in COLMAP RAD_TAN_THIN_PRISM_FISHEYE (16)
 /// COLMAP's models, by id.
 struct CameraModel {
   const char* name;
   int parameters;
 };
-constexpr std::array<CameraModel, 18> kKinds{{{"SIMPLE_PINHOLE", 3},
-                                              {"PINHOLE", 4},
-                                              {"SIMPLE_RADIAL", 4},
-                                              {"RADIAL", 5},
-                                              {"OPENCV", 8},
-                                              {"OPENCV_FISHEYE", 8},
-                                              {"FULL_OPENCV", 12},
-                                              {"FOV", 5},
-                                              {"SIMPLE_RADIAL_FISHEYE", 4},
-                                              {"RADIAL_FISHEYE", 5},
-                                              {"THIN_PRISM_FISHEYE", 12},
-                                              {"RAD_TAN_THIN_PRISM_FISHEYE", 16},
-                                              {"SIMPLE_DIVISION", 4},
-                                              {"DIVISION", 5},
-                                              {"SIMPLE_FISHEYE", 3},
-                                              {"FISHEYE", 4},
-                                              {"EUCM", 6},
-                                              {"EQUIRECTANGULAR", 2}}};
+constexpr std::array<CameraModel, 18> kCameraModels{{{"SIMPLE_PINHOLE", 3},
+                                                     {"PINHOLE", 4},
+                                                     {"SIMPLE_RADIAL", 4},
+                                                     {"RADIAL", 5},
+                                                     {"OPENCV", 8},
+                                                     {"OPENCV_FISHEYE", 8},
+                                                     {"FULL_OPENCV", 12},
+                                                     {"FOV", 5},
+                                                     {"SIMPLE_RADIAL_FISHEYE", 4},
+                                                     {"RADIAL_FISHEYE", 5},
+                                                     {"THIN_PRISM_FISHEYE", 12},
+                                                     {"RAD_TAN_THIN_PRISM_FISHEYE", 16},
+                                                     {"SIMPLE_DIVISION", 4},
+                                                     {"DIVISION", 5},
+                                                     {"SIMPLE_FISHEYE", 3},
+                                                     {"FISHEYE", 4},
+                                                     {"EUCM", 6},
+                                                     {"EQUIRECTANGULAR", 2}}};
 
-struct Model {
+struct Reconstruction {
   SlamMap map;
-  std::map<std::uint32_t, std::optional<int>> cameras;  ///< place in map.cameras; nullopt: not equirectangular
-  std::string other_models;                             ///< names of models that are not
-  std::size_t others = 0;                               ///< images of such cameras
-  std::size_t unnormalised = 0;                         ///< quaternions
+  std::map<std::uint32_t, std::optional<int>> cameras;  ///< index into map.cameras; nullopt = not equirectangular
+  std::string skipped_camera_models;                    ///< names of camera models that are not equirectangular
+  std::size_t skipped_images = 0;                       ///< number of images with such cameras
+  std::size_t unnormalised = 0;                         ///< number of quaternions with a norm other than 1
 };
 
-bool is_panorama_model(const std::string& model) {
+bool is_equirectangular(const std::string& model) {
   return model == "EQUIRECTANGULAR" || model == "SPHERICAL" || model == "SPHERE";
 }
 
-void add_camera(Model& model, std::uint32_t id, const std::string& kind, double width, double height,
+void add_camera(Reconstruction& model, std::uint32_t id, const std::string& camera_model, double width, double height,
                 const std::vector<double>& parameters, const fs::path& path, const std::string& where) {
   if (model.cameras.count(id) != 0) {
     fail(path, where, "camera " + std::to_string(id) + " appears more than once, expected unique ids");
   }
-  if (!is_panorama_model(kind)) {
+  if (!is_equirectangular(camera_model)) {
     model.cameras[id] = std::nullopt;
-    if (model.other_models.find(kind) == std::string::npos && model.other_models.size() < 200) {
-      model.other_models += (model.other_models.empty() ? "" : ", ") + kind;
+    if (model.skipped_camera_models.find(camera_model) == std::string::npos &&
+        model.skipped_camera_models.size() < 200) {
+      model.skipped_camera_models += (model.skipped_camera_models.empty() ? "" : ", ") + camera_model;
     }
     return;
   }
-  const MapCamera camera = panorama("camera " + std::to_string(id), width, height, path, where);
-  const bool sphere = kind == "SPHERE";
+  const MapCamera camera = equirectangular_camera("camera " + std::to_string(id), width, height, path, where);
+  const bool sphere = camera_model == "SPHERE";
   if (parameters.size() != (sphere ? 3U : 2U)) {
     fail(path, where,
-         kind + " has " + std::to_string(parameters.size()) + " parameters, expected " +
+         camera_model + " has " + std::to_string(parameters.size()) + " parameters, expected " +
              (sphere ? "3: f, cx, cy" : "2: width and height"));
   }
   const double across = sphere ? 2.0 * parameters[1] : parameters[0];
   const double down = sphere ? 2.0 * parameters[2] : parameters[1];
   if (!(std::abs(across - width) <= 1.0) || !(std::abs(down - height) <= 1.0)) {
     fail(path, where,
-         "the parameters of " + kind + " belong to a panorama of " + shown(across) + " x " + shown(down) +
-             " pixels, the camera is " + shown(width) + " x " + shown(height) + "; expected the same");
+         "the parameters of " + camera_model + " belong to a panorama of " + to_message(across) + " x " +
+             to_message(down) + " pixels, the camera is " + to_message(width) + " x " + to_message(height) +
+             "; expected the same");
   }
   model.cameras[id] = static_cast<int>(model.map.cameras.size());
   model.map.cameras.push_back(camera);
 }
 
-/// The keyframe that an image gives, without observations; nullopt for one of another camera.
-std::optional<MapKeyframe> parse_keyframe(Model& model, std::uint32_t id, const std::array<double, 4>& wxyz,
+/// Converts an image to a keyframe without observations. Returns nullopt if its camera is not equirectangular.
+std::optional<MapKeyframe> parse_keyframe(Reconstruction& model, std::uint32_t id, const std::array<double, 4>& wxyz,
                                           const Eigen::Vector3d& translation, std::uint32_t camera,
                                           const std::string& name, const fs::path& path, const std::string& where) {
   const auto found = model.cameras.find(camera);
@@ -102,7 +104,7 @@ std::optional<MapKeyframe> parse_keyframe(Model& model, std::uint32_t id, const 
              ", expected one of those in cameras");
   }
   if (!found->second) {
-    ++model.others;
+    ++model.skipped_images;
     return std::nullopt;
   }
   MapKeyframe keyframe;
@@ -118,20 +120,20 @@ std::optional<MapKeyframe> parse_keyframe(Model& model, std::uint32_t id, const 
 
 // ---- text
 
-void read_cameras_text(Model& model, const fs::path& path) {
+void read_cameras_text(Reconstruction& model, const fs::path& path) {
   TextInput in(path);
   while (in.next()) {
     const auto id = in.number<std::uint32_t>("the camera's id");
-    const std::string kind(in.word("the camera's model"));
+    const std::string camera_model(in.word("the camera's model"));
     const auto width = in.number("the width");
     const auto height = in.number("the height");
     std::vector<double> parameters;
     while (!in.at_end()) parameters.push_back(in.number("a parameter"));
-    add_camera(model, id, kind, width, height, parameters, path, in.here());
+    add_camera(model, id, camera_model, width, height, parameters, path, in.here());
   }
 }
 
-void read_images_text(Model& model, const fs::path& path) {
+void read_images_text(Reconstruction& model, const fs::path& path) {
   TextInput in(path);
   while (in.next()) {
     const auto id = in.number<std::uint32_t>("the image's id");
@@ -154,7 +156,7 @@ void read_images_text(Model& model, const fs::path& path) {
   }
 }
 
-void read_points_text(Model& model, const fs::path& path) {
+void read_points_text(Reconstruction& model, const fs::path& path) {
   TextInput in(path);
   while (in.next()) {
     MapLandmark landmark;
@@ -172,34 +174,34 @@ void read_points_text(Model& model, const fs::path& path) {
 
 // ---- binary
 
-/// The kind of all cameras of a file, of which the first has the id. Models of forks took numbers that COLMAP has given
-/// to others since: the file's length tells which is meant.
+/// Returns the camera model of an id. Ids that forks and COLMAP use for different models are distinguished by the size
+/// of the file, assuming that all cameras have the same model.
 CameraModel camera_model_of(int id, BinaryInput& in, std::uint64_t cameras) {
-  constexpr std::uint64_t kFixed = 4 + 4 + 8 + 8;
-  const std::uint64_t each = in.size() > 8 && cameras > 0 ? (in.size() - 8) / cameras : 0;
-  const auto length_says = [&](std::uint64_t count) { return each == kFixed + 8 * count; };
-  if (id == kSphericalForkId && length_says(2)) return {"SPHERICAL", 2};
-  if (id == kSphere && length_says(3)) return {"SPHERE", 3};
-  if (id >= 0 && id < static_cast<int>(kKinds.size())) return kKinds[static_cast<std::size_t>(id)];
+  constexpr std::uint64_t kFixedBytes = 4 + 4 + 8 + 8;
+  const std::uint64_t bytes_per_camera = in.size() > 8 && cameras > 0 ? (in.size() - 8) / cameras : 0;
+  const auto has_parameters = [&](std::uint64_t count) { return bytes_per_camera == kFixedBytes + 8 * count; };
+  if (id == kSphericalForkId && has_parameters(2)) return {"SPHERICAL", 2};
+  if (id == kSphere && has_parameters(3)) return {"SPHERE", 3};
+  if (id >= 0 && id < static_cast<int>(kCameraModels.size())) return kCameraModels[static_cast<std::size_t>(id)];
   in.refuse("the camera's model is " + std::to_string(id) + ", expected 0 to 17");
 }
 
-void read_cameras_binary(Model& model, const fs::path& path) {
+void read_cameras_binary(Reconstruction& model, const fs::path& path) {
   BinaryInput in(path);
   const std::uint64_t count = in.count("cameras", 24);
   for (std::uint64_t i = 0; i < count; ++i) {
     const auto id = in.number<std::uint32_t>();
-    const CameraModel kind = camera_model_of(in.number<std::int32_t>(), in, count);
+    const CameraModel camera_model = camera_model_of(in.number<std::int32_t>(), in, count);
     const auto width = static_cast<double>(in.number<std::uint64_t>());
     const auto height = static_cast<double>(in.number<std::uint64_t>());
-    std::vector<double> parameters(static_cast<std::size_t>(kind.parameters));
+    std::vector<double> parameters(static_cast<std::size_t>(camera_model.parameters));
     for (double& value : parameters) value = in.number<double>();
-    add_camera(model, id, kind.name, width, height, parameters, path, in.here());
+    add_camera(model, id, camera_model.name, width, height, parameters, path, in.here());
   }
   in.expect_end();
 }
 
-void read_images_binary(Model& model, const fs::path& path) {
+void read_images_binary(Reconstruction& model, const fs::path& path) {
   BinaryInput in(path);
   const std::uint64_t count = in.count("images", 4 + 7 * 8 + 4 + 1 + 8);
   for (std::uint64_t i = 0; i < count; ++i) {
@@ -225,7 +227,7 @@ void read_images_binary(Model& model, const fs::path& path) {
   in.expect_end();
 }
 
-void read_points_binary(Model& model, const fs::path& path) {
+void read_points_binary(Reconstruction& model, const fs::path& path) {
   BinaryInput in(path);
   const std::uint64_t count = in.count("points", 8 + 3 * 8 + 3 + 8 + 8);
   for (std::uint64_t i = 0; i < count; ++i) {
@@ -256,7 +258,7 @@ std::string ending_of_model(const fs::path& folder) {
   return "";
 }
 
-/// Folders 0, 1, ... with a model each, as COLMAP's mapper leaves them, in `folder` or its sparse/.
+/// Returns the directories 0, 1, ... of the mapper's models in `folder` or `folder`/sparse.
 std::vector<fs::path> components_in(const fs::path& folder) {
   for (const fs::path& parent : {folder, folder / "sparse"}) {
     std::vector<fs::path> components;
@@ -273,7 +275,7 @@ bool is_model(MapFile& file) {
 }
 
 SlamMap read_model(const fs::path& folder) {
-  Model model;
+  Reconstruction model;
   const std::string ending = ending_of_model(folder);
   const bool text = ending == ".txt";
   (text ? read_cameras_text : read_cameras_binary)(model, folder / ("cameras" + ending));
@@ -283,12 +285,13 @@ SlamMap read_model(const fs::path& folder) {
   SlamMap map = std::move(model.map);
   map.path = folder;
   map.format = std::string("COLMAP, ") + (text ? "text" : "binary");
-  if (model.others > 0) {
-    map.notes.push_back("images left out, of cameras that are not equirectangular: " + std::to_string(model.others) +
-                        " (" + model.other_models + "); only panoramas can be used, not views that were cut from them");
+  if (model.skipped_images > 0) {
+    map.notes.push_back(
+        "images left out, of cameras that are not equirectangular: " + std::to_string(model.skipped_images) + " (" +
+        model.skipped_camera_models + "); only panoramas can be used, not views that were cut from them");
   }
   note_unnormalised(map, model.unnormalised);
-  return finish_scene(std::move(map));
+  return finalize_map(std::move(map));
 }
 
 SlamMap read(MapFile& file, const ReadMapOptions& options) {

@@ -38,7 +38,7 @@ class MapFile {
 /// Map format, defined in its own file and listed in map.cpp.
 struct MapFormat {
   const char* name;
-  const char* what;  ///< expected MAP argument, for people
+  const char* what;  ///< expected MAP argument, for messages
   bool (*matches)(MapFile& file);
   SlamMap (*read)(MapFile& file, const ReadMapOptions& options);
 };

@@ -199,7 +199,7 @@ class ObservationFilter {
 
 }  // namespace
 
-SlamMap finish_map(RawMap&& raw) {
+SlamMap map_from_raw(RawMap&& raw) {
   SlamMap map;
   leave_out(raw, map);
   sort_keyframes(raw);
@@ -222,8 +222,8 @@ SlamMap finish_map(RawMap&& raw) {
   note_unnormalised(map, unnormalised);
   round_camera_sizes(map);
   map.component_keyframes = {map.keyframes.size()};
-  map.half_row_may_remain = true;
-  map.observations_are_tested = !raw.pixels_in_another_grid;
+  map.pixel_centers_at_integers = true;
+  map.observations_are_measured = !raw.pixels_in_another_grid;
   return map;
 }
 

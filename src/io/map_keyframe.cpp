@@ -14,7 +14,7 @@ namespace pmsp {
 namespace {
 
 /// Angle between observation and landmark [rad].
-double angle_off(const MapObservation& observation, const MapCamera& camera, const Eigen::Vector3d& point) {
+double reprojection_angle(const MapObservation& observation, const MapCamera& camera, const Eigen::Vector3d& point) {
   const Eigen::Vector3d seen = bearing_from_pixel(observation.pixel.cast<double>(), camera.width, camera.height);
   return kernels::angle_between({seen.x(), seen.y(), seen.z()}, {point.x(), point.y(), point.z()});
 }
@@ -28,16 +28,18 @@ Keyframe keyframe_of(const SlamMap& map, const MapKeyframe& in_map) {
   keyframe.cam_from_world = in_map.cam_from_world;
   keyframe.landmarks.reserve(in_map.observations.size());
   const MapCamera& camera = map.cameras.at(static_cast<std::size_t>(in_map.camera));
-  std::vector<double> off;
-  off.reserve(in_map.observations.size());
+  std::vector<double> reprojection_angles;
+  reprojection_angles.reserve(in_map.observations.size());
   for (const MapObservation& observation : in_map.observations) {
     const MapLandmark* landmark = map.find_landmark(observation.landmark_id);
     if (landmark == nullptr) continue;
     keyframe.landmarks.push_back({landmark->id, landmark->position_world});
     const Eigen::Vector3d point = in_map.cam_from_world * landmark->position_world;
-    if (point.norm() > 0.0) off.push_back(angle_off(observation, camera, point));
+    if (point.norm() > 0.0) reprojection_angles.push_back(reprojection_angle(observation, camera, point));
   }
-  if (!off.empty()) keyframe.pose_error = std::min(median(off) / std::sqrt(static_cast<double>(off.size())), 1.0);
+  if (!reprojection_angles.empty())
+    keyframe.pose_error =
+        std::min(median(reprojection_angles) / std::sqrt(static_cast<double>(reprojection_angles.size())), 1.0);
   return keyframe;
 }
 

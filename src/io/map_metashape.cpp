@@ -77,7 +77,7 @@ Similarity similarity_of(const pugi::xml_node& transform, const std::filesystem:
   }
   if (const pugi::xml_node node = transform.child("scale")) result.scale = numbers(node, 1, path, where)[0];
   if (!(result.scale > 1e-9 && result.scale < 1e9)) {
-    fail(path, where, "the scale is " + shown(result.scale) + ", expected 1e-9 to 1e9");
+    fail(path, where, "the scale is " + to_message(result.scale) + ", expected 1e-9 to 1e9");
   }
   return result;
 }
@@ -124,7 +124,7 @@ class PartReader {
       map_.notes.push_back("cameras left out, of sensors that are not spherical: " + std::to_string(others_) +
                            "; only panoramas can be used");
     }
-    return finish_scene(std::move(map_));
+    return finalize_map(std::move(map_));
   }
 
  private:
@@ -137,9 +137,9 @@ class PartReader {
       if (!is_panorama) continue;
       const pugi::xml_node size = sensor.child("resolution");
       if (!size) fail(map_.path, place(sensor), "lacks its resolution");
-      map_.cameras.push_back(
-          panorama("sensor " + std::to_string(id), static_cast<double>(whole_number(size, "width", map_.path)),
-                   static_cast<double>(whole_number(size, "height", map_.path)), map_.path, place(sensor)));
+      map_.cameras.push_back(equirectangular_camera(
+          "sensor " + std::to_string(id), static_cast<double>(whole_number(size, "width", map_.path)),
+          static_cast<double>(whole_number(size, "height", map_.path)), map_.path, place(sensor)));
     }
   }
 

@@ -37,11 +37,11 @@ class Cameras {
 
   int of(const JsonValue& json, const JsonValue& frame) {
     const JsonValue& value = frame.has("w") ? frame : json;
-    if (!value.has("w")) return index_of(0, [] { return panorama_of_any_size(); });
+    if (!value.has("w")) return index_of(0, [] { return equirectangular_camera_of_unknown_size(); });
     const std::int64_t width = value.at("w").integer();
     return index_of(width, [&] {
-      return panorama("panorama " + std::to_string(width), static_cast<double>(width),
-                      static_cast<double>(value.at("h").integer()), map_.path, value.where());
+      return equirectangular_camera("panorama " + std::to_string(width), static_cast<double>(width),
+                                    static_cast<double>(value.at("h").integer()), map_.path, value.where());
     });
   }
 
@@ -117,7 +117,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
     const std::filesystem::path found = longest_tail(map.images, name);
     map.landmarks = landmarks_from_ply(found.empty() ? map.images / name : found);
   }
-  return finish_scene(std::move(map));
+  return finalize_map(std::move(map));
 }
 
 }  // namespace

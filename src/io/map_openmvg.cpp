@@ -45,8 +45,9 @@ std::map<std::int64_t, int> read_cameras(const JsonValue& json, SlamMap& map) {
     if (!cameras.emplace(id, index).second) entry.at("key").refuse("an id that comes once");
     if (!is_panorama) return;
     const JsonValue data = data_of(value);
-    map.cameras.push_back(panorama("intrinsic " + std::to_string(id), static_cast<double>(data.at("width").integer()),
-                                   static_cast<double>(data.at("height").integer()), map.path, data.where()));
+    map.cameras.push_back(
+        equirectangular_camera("intrinsic " + std::to_string(id), static_cast<double>(data.at("width").integer()),
+                               static_cast<double>(data.at("height").integer()), map.path, data.where()));
   });
   return cameras;
 }
@@ -91,7 +92,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
   SlamMap map;
   map.path = file.path();
   map.format = "openMVG " + json.at("sfm_data_version").text();
-  map.half_row_may_remain = true;
+  map.pixel_centers_at_integers = true;
   const std::map<std::int64_t, int> cameras = read_cameras(json, map);
   const std::map<std::int64_t, RigidTransform> poses = read_poses(json, map.path);
   std::size_t without_pose = 0;
@@ -127,7 +128,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
   }
   read_structure(json, map);
   map.images = inner_folder(json.at("root_path").text(), map);
-  return finish_scene(std::move(map));
+  return finalize_map(std::move(map));
 }
 
 }  // namespace

@@ -100,8 +100,9 @@ SlamMap read_one(const JsonValue& json) {
     cameras[name] = -1;
     if (!is_panorama(projection)) return;
     cameras[name] = static_cast<int>(map.cameras.size());
-    map.cameras.push_back(panorama(name, static_cast<double>(camera.at("width").integer()),
-                                   static_cast<double>(camera.at("height").integer()), map.path, camera.where()));
+    map.cameras.push_back(equirectangular_camera(name, static_cast<double>(camera.at("width").integer()),
+                                                 static_cast<double>(camera.at("height").integer()), map.path,
+                                                 camera.where()));
   });
   std::size_t others = 0;
   std::size_t timed = 0;
@@ -141,7 +142,7 @@ SlamMap read_one(const JsonValue& json) {
   } else if (!map.landmarks.empty()) {
     map.notes.push_back("tracks.csv beside it is missing, so that observations of points are unknown");
   }
-  return finish_scene(std::move(map));
+  return finalize_map(std::move(map));
 }
 
 SlamMap read(MapFile& file, const ReadMapOptions& options) {

@@ -14,8 +14,9 @@ namespace {
 constexpr std::size_t kMostPoints = 200'000;
 constexpr int kColumns = 180;  ///< resolution of the occlusion test: cells of 2 degrees
 constexpr int kRows = kColumns / 2;
-constexpr int kCoarser = 2;            ///< cells per axis of a square with one point per keyframe
-constexpr double kSameSurface = 1.25;  ///< distance ratio to the nearest point around, beyond which a point is hidden
+constexpr int kCoarser = 2;  ///< cells per side of a square in which one point is selected
+constexpr double kSameSurface =
+    1.25;  ///< occluded if farther than this times the nearest distance in the 3 x 3 cells around
 
 /// Point seen from a keyframe.
 struct VisiblePoint {
@@ -24,15 +25,15 @@ struct VisiblePoint {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
 };
 
-/// Selects observed points of keyframes, at most one per 4 degrees: among unhidden points the one that most previous
-/// keyframes have taken, so that keyframes share landmarks, then the nearest.
-class VisibilityFilter {
+/// Selects at most one unoccluded landmark per 4 x 4 degrees as observation: the one already observed by most
+/// keyframes, then the nearest.
+class VisiblePointSelector {
  public:
-  explicit VisibilityFilter(SlamMap& map) : map_(map), taken_(map.landmarks.size(), 0) {}
+  explicit VisiblePointSelector(SlamMap& map) : map_(map), num_keyframes_(map.landmarks.size(), 0) {}
 
-  void look(MapKeyframe& keyframe) {
+  void add_observations(MapKeyframe& keyframe) {
     const MapCamera& camera = map_.cameras[static_cast<std::size_t>(keyframe.camera)];
-    std::vector<VisiblePoint> sights;
+    std::vector<VisiblePoint> candidates;
     std::vector<int> cells;
     std::vector<double> nearest(kColumns * kRows, std::numeric_limits<double>::infinity());
     for (std::size_t i = 0; i < map_.landmarks.size(); ++i) {
@@ -42,30 +43,32 @@ class VisibilityFilter {
       const Eigen::Vector2d pixel = pixel_from_bearing(point, camera.width, camera.height);
       const int column = std::min(static_cast<int>(pixel.x() * kColumns / camera.width), kColumns - 1);
       const int row = std::min(static_cast<int>(pixel.y() * kRows / camera.height), kRows - 1);
-      sights.push_back({i, distance, pixel});
+      candidates.push_back({i, distance, pixel});
       cells.push_back(row * kColumns + column);
       double& here = nearest[static_cast<std::size_t>(cells.back())];
       here = std::min(here, distance);
     }
     std::vector<int> best(kColumns / kCoarser * (kRows / kCoarser), -1);
-    for (std::size_t i = 0; i < sights.size(); ++i) {
-      if (sights[i].distance > kSameSurface * nearest_around(nearest, cells[i])) continue;
+    for (std::size_t i = 0; i < candidates.size(); ++i) {
+      if (candidates[i].distance > kSameSurface * nearest_around(nearest, cells[i])) continue;
       const int row = cells[i] / kColumns / kCoarser;
       const int column = cells[i] % kColumns / kCoarser;
       int& chosen = best[static_cast<std::size_t>(row * (kColumns / kCoarser) + column)];
-      if (chosen < 0 || is_better(sights[i], sights[static_cast<std::size_t>(chosen)])) chosen = static_cast<int>(i);
+      if (chosen < 0 || is_better(candidates[i], candidates[static_cast<std::size_t>(chosen)]))
+        chosen = static_cast<int>(i);
     }
     for (const int i : best) {
       if (i < 0) continue;
-      const VisiblePoint& sight = sights[static_cast<std::size_t>(i)];
-      ++taken_[sight.landmark];
-      keyframe.observations.push_back({map_.landmarks[sight.landmark].id, sight.pixel.cast<float>()});
+      const VisiblePoint& candidate = candidates[static_cast<std::size_t>(i)];
+      ++num_keyframes_[candidate.landmark];
+      keyframe.observations.push_back({map_.landmarks[candidate.landmark].id, candidate.pixel.cast<float>()});
     }
   }
 
  private:
   bool is_better(const VisiblePoint& a, const VisiblePoint& b) const {
-    if (taken_[a.landmark] != taken_[b.landmark]) return taken_[a.landmark] > taken_[b.landmark];
+    if (num_keyframes_[a.landmark] != num_keyframes_[b.landmark])
+      return num_keyframes_[a.landmark] > num_keyframes_[b.landmark];
     return a.distance != b.distance ? a.distance < b.distance : a.landmark < b.landmark;
   }
 
@@ -83,14 +86,14 @@ class VisibilityFilter {
   }
 
   SlamMap& map_;
-  std::vector<int> taken_;  ///< per landmark: number of keyframes that observe it
+  std::vector<int> num_keyframes_;  ///< per landmark: number of keyframes that observe it
 };
 
 }  // namespace
 
 void observe_landmarks(SlamMap& map) {
-  VisibilityFilter beholder(map);
-  for (MapKeyframe& keyframe : map.keyframes) beholder.look(keyframe);
+  VisiblePointSelector selector(map);
+  for (MapKeyframe& keyframe : map.keyframes) selector.add_observations(keyframe);
   // Unobserved landmarks are dropped.
   std::vector<char> is_seen(map.landmarks.size(), 0);
   for (const MapKeyframe& keyframe : map.keyframes) {
@@ -103,7 +106,7 @@ void observe_landmarks(SlamMap& map) {
     if (is_seen[i] != 0) map.landmarks[kept++] = map.landmarks[i];
   }
   map.landmarks.resize(kept);
-  map.observations_are_tested = false;
+  map.observations_are_measured = false;
 }
 
 std::vector<MapLandmark> landmarks_from_ply(const std::filesystem::path& path) {

@@ -54,7 +54,7 @@ RawMap read_msgpack(const std::filesystem::path& path);
 RawMap read_sqlite(const std::filesystem::path& path);
 
 /// Checks values and references, converts poses and pixels to the conventions of libpmsp, sorts. Throws InvalidInput.
-SlamMap finish_map(RawMap&& raw);
+SlamMap map_from_raw(RawMap&& raw);
 
 /// Returns `keyframes["12"].ts` or `table keyframes, id 12, column ts`. Id and field may be empty.
 std::string place(Dialect dialect, const std::string& section, const std::string& id, const std::string& field);

@@ -69,8 +69,8 @@ void sort_cameras(SlamMap& map) {
   for (MapKeyframe& keyframe : map.keyframes) keyframe.camera = place[static_cast<std::size_t>(keyframe.camera)];
 }
 
-/// Drops lost poses: NaN, or quaternions of norm 0.
-void drop_invalid_poses(SlamMap& map) {
+/// Drops keyframes with invalid poses and landmarks with non-finite positions.
+void drop_non_finite(SlamMap& map) {
   const auto poses = std::remove_if(map.keyframes.begin(), map.keyframes.end(), [](const MapKeyframe& k) {
     return !k.cam_from_world.rotation.allFinite() || !k.cam_from_world.translation.allFinite();
   });
@@ -94,7 +94,7 @@ void sort_landmarks(SlamMap& map) {
       fail(map.path, where, "this id appears more than once, expected unique ids");
     }
     if (!is_position(landmarks[i].position_world)) {
-      fail(map.path, where, "is at " + shown(landmarks[i].position_world) + ", " + kExpectedPosition);
+      fail(map.path, where, "is at " + to_message(landmarks[i].position_world) + ", " + kExpectedPosition);
     }
   }
 }
@@ -112,11 +112,11 @@ void sort_keyframes(SlamMap& map) {
       fail(map.path, name_of(keyframes[i]), "this id appears more than once, expected unique ids");
     }
     if (!std::isfinite(keyframes[i].timestamp)) {
-      fail(map.path, name_of(keyframes[i]), "the time is " + shown(keyframes[i].timestamp) + ", expected seconds");
+      fail(map.path, name_of(keyframes[i]), "the time is " + to_message(keyframes[i].timestamp) + ", expected seconds");
     }
     if (!is_position(keyframes[i].cam_from_world.translation) || !is_position(keyframes[i].cam_from_world.center())) {
       fail(map.path, name_of(keyframes[i]),
-           "the camera is at " + shown(keyframes[i].cam_from_world.center()) + ", " + kExpectedPosition);
+           "the camera is at " + to_message(keyframes[i].cam_from_world.center()) + ", " + kExpectedPosition);
     }
   }
   check_images_once(map, map.path);
@@ -137,7 +137,7 @@ void filter_observations(SlamMap& map) {
       if (!(x >= -1.0F && x <= width + 1.0F && y >= -1.0F && y <= height + 1.0F)) {  // true for NaN
         fail(map.path, name_of(keyframe),
              "the observation of point " + std::to_string(observation.landmark_id) + " lies at (" +
-                 shown(static_cast<double>(x)) + ", " + shown(static_cast<double>(y)) +
+                 to_message(static_cast<double>(x)) + ", " + to_message(static_cast<double>(y)) +
                  "), expected a position in the image of " + std::to_string(camera.width) + " x " +
                  std::to_string(camera.height) + " pixels");
       }
@@ -149,8 +149,8 @@ void filter_observations(SlamMap& map) {
 
 }  // namespace
 
-std::string shown(const Eigen::Vector3d& p) {
-  return "(" + shown(p.x()) + ", " + shown(p.y()) + ", " + shown(p.z()) + ")";
+std::string to_message(const Eigen::Vector3d& p) {
+  return "(" + to_message(p.x()) + ", " + to_message(p.y()) + ", " + to_message(p.z()) + ")";
 }
 
 bool is_position(const Eigen::Vector3d& p) { return p.norm() <= kMaxPosition; }
@@ -169,8 +169,8 @@ Eigen::Matrix3d rotation_from_quaternion(const std::array<double, 4>& q, const s
   if (is_invalid_pose(q)) return invalid_rotation();
   if (norm < 0.5 || norm > 2.0) {
     fail(path, where,
-         "the quaternion (x, y, z, w) = (" + shown(q[0]) + ", " + shown(q[1]) + ", " + shown(q[2]) + ", " +
-             shown(q[3]) + ") has length " + shown(norm) + ", expected a rotation: length 1");
+         "the quaternion (x, y, z, w) = (" + to_message(q[0]) + ", " + to_message(q[1]) + ", " + to_message(q[2]) +
+             ", " + to_message(q[3]) + ") has length " + to_message(norm) + ", expected a rotation: length 1");
   }
   unnormalised += std::abs(norm - 1.0) > 1e-3 ? 1 : 0;
   return canonical_rotation(q, norm);
@@ -182,7 +182,7 @@ Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::f
   const double error = (matrix.transpose() * matrix - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (!(error <= 1e-3)) {  // true for NaN
     fail(path, where,
-         "is no rotation: its columns are not perpendicular and of length 1 (off by " + shown(error) +
+         "is no rotation: its columns are not perpendicular and of length 1 (off by " + to_message(error) +
              ", expected at most 0.001)");
   }
   if (matrix.determinant() < 0.0) {
@@ -277,20 +277,20 @@ std::filesystem::path inner_folder(const std::string& name, SlamMap& map) {
   return {};
 }
 
-MapCamera panorama(const std::string& name, double width, double height, const std::filesystem::path& path,
-                   const std::string& where) {
+MapCamera equirectangular_camera(const std::string& name, double width, double height,
+                                 const std::filesystem::path& path, const std::string& where) {
   const bool is_size = width >= 2.0 && width <= kMaxImageWidth && height >= 1.0 && height <= kMaxImageWidth &&
                        width == std::floor(width) && height == std::floor(height);
   if (!is_size || !io::is_panorama_size(static_cast<std::int64_t>(width), static_cast<std::int64_t>(height))) {
     fail(path, where,
-         "the images are " + shown(width) + " x " + shown(height) +
+         "the images are " + to_message(width) + " x " + to_message(height) +
              " pixels, expected full panoramas: twice as wide as high within one row, at most " +
              std::to_string(kMaxImageWidth) + " wide");
   }
   return {name, static_cast<int>(width), static_cast<int>(height), 0.0};
 }
 
-MapCamera panorama_of_any_size() { return {"panorama of any size", kSizeOfAny, kSizeOfAny / 2, 0.0}; }
+MapCamera equirectangular_camera_of_unknown_size() { return {"panorama of any size", kSizeOfAny, kSizeOfAny / 2, 0.0}; }
 
 void number_by_image(SlamMap& map) {
   std::sort(map.keyframes.begin(), map.keyframes.end(),
@@ -336,8 +336,8 @@ void round_camera_sizes(SlamMap& map) {
   }
 }
 
-SlamMap finish_scene(SlamMap&& map) {
-  drop_invalid_poses(map);
+SlamMap finalize_map(SlamMap&& map) {
+  drop_non_finite(map);
   sort_keyframes(map);
   sort_cameras(map);
   sort_landmarks(map);

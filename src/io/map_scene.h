@@ -18,8 +18,8 @@
 /// Common part of all map readers: checks of values, and conversion to SlamMap.
 namespace pmsp::map_detail {
 
-using pmsp::shown;
-std::string shown(const Eigen::Vector3d& p);
+using pmsp::to_message;
+std::string to_message(const Eigen::Vector3d& p);
 
 /// True within kMaxPosition of the origin; false for NaN.
 bool is_position(const Eigen::Vector3d& p);
@@ -27,12 +27,12 @@ bool is_position(const Eigen::Vector3d& p);
 constexpr const char* kExpectedPosition = "expected finite numbers, at most 1e12 from the origin";
 constexpr int kMaxImageWidth = 1 << 16;
 
-/// Makes quaternions and the matrices they were made from give identical bits, since equal maps must give equal clouds:
-/// returns the matrix of the quaternion rounded to multiples of 2^-32 (2e-10 rad, a millionth of a pixel), which hides
-/// the differing last bits. Independent of the quaternion's sign. `norm`: length of `xyzw`.
+/// Returns the matrix of a quaternion whose normalised components are rounded to multiples of 2^-32 (2e-10 rad), so
+/// that a rotation has the same bits whether it is read as quaternion or as matrix. Independent of the sign. `norm`:
+/// length of `xyzw`.
 Eigen::Matrix3d canonical_rotation(const std::array<double, 4>& xyzw, double norm);
 
-/// NaN, marks a lost pose, whose keyframe finish_scene drops.
+/// Returns a matrix of NaN, which marks an invalid pose; finalize_map drops the keyframe.
 inline Eigen::Matrix3d invalid_rotation() {
   return Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN());
 }
@@ -45,9 +45,9 @@ bool is_invalid_pose(const Values& values) {
   return !std::isfinite(squares) || squares == 0.0;
 }
 
-/// canonical_rotation of the file's values; invalid_rotation if is_invalid_pose. Throws InvalidInput unless the
-/// quaternion has norm 0.5 to 2, or the matrix is a rotation within 0.001. `unnormalised`: counts quaternions whose
-/// norm deviates from 1 by more than 0.001.
+/// Return the canonical_rotation of a quaternion or matrix, or invalid_rotation if is_invalid_pose. Throw InvalidInput
+/// unless the quaternion has norm 0.5 to 2, or the matrix is a rotation within 0.001. `unnormalised`: counts
+/// quaternions whose norm deviates from 1 by more than 0.001.
 Eigen::Matrix3d rotation_from_quaternion(const std::array<double, 4>& xyzw, const std::filesystem::path& path,
                                          const std::string& where, std::size_t& unnormalised);
 Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::filesystem::path& path,
@@ -72,12 +72,12 @@ std::filesystem::path longest_tail(const std::filesystem::path& folder, const st
 std::filesystem::path inner_folder(const std::string& name, SlamMap& map);
 
 /// Returns an equirectangular camera of the given size. Throws InvalidInput unless it is a full panorama within one
-/// row, which finish_scene rounds.
-MapCamera panorama(const std::string& name, double width, double height, const std::filesystem::path& path,
-                   const std::string& where);
+/// row, which finalize_map rounds.
+MapCamera equirectangular_camera(const std::string& name, double width, double height,
+                                 const std::filesystem::path& path, const std::string& where);
 
-/// For files without image size: any panorama has this size up to a common factor.
-MapCamera panorama_of_any_size();
+/// Returns a camera for files without image size; only the ratio 2:1 is meaningful.
+MapCamera equirectangular_camera_of_unknown_size();
 
 /// Numbers keyframes 0, 1, ... in natural order of their image names.
 void number_by_image(SlamMap& map);
@@ -103,14 +103,15 @@ void round_camera_sizes(SlamMap& map);
 
 /// Sorts and checks a map in the conventions of libpmsp: ids, positions, observations. Keyframes and points with NaN
 /// are dropped, with a note. Throws InvalidInput.
-SlamMap finish_scene(SlamMap&& map);
+SlamMap finalize_map(SlamMap&& map);
 
 /// Returns the component selected by `options`, or the one with most keyframes. `read_one(i)` reads component i of
 /// `count`. Throws InvalidOption, and exceptions of `read_one` for the only or the selected component.
 SlamMap read_component(std::size_t count, const std::filesystem::path& path, const ReadMapOptions& options,
                        const std::function<SlamMap(std::size_t)>& read_one);
 
-/// For maps without observations: each keyframe observes the unhidden landmarks.
+/// For maps without observations: adds to each keyframe the unoccluded landmarks, at most one per 4 x 4 degrees, and
+/// removes unobserved ones.
 void observe_landmarks(SlamMap& map);
 
 /// Reads the points of a PLY file as landmarks, subsampled if numerous. Throws IoError, InvalidInput.

@@ -22,7 +22,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& options) {
   map.format = trajectory.format;
   map.ids_are_row_numbers = true;
   map.notes = std::move(trajectory.notes);
-  map.cameras.push_back(panorama_of_any_size());
+  map.cameras.push_back(equirectangular_camera_of_unknown_size());
   for (const TrajectoryPose& pose : trajectory.poses) {
     MapKeyframe keyframe;
     keyframe.timestamp = pose.timestamp;
@@ -39,7 +39,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& options) {
   std::stable_sort(map.keyframes.begin(), map.keyframes.end(),
                    [](const MapKeyframe& a, const MapKeyframe& b) { return a.timestamp < b.timestamp; });
   for (std::size_t i = 0; i < map.keyframes.size(); ++i) map.keyframes[i].id = static_cast<std::int64_t>(i);
-  return finish_scene(std::move(map));
+  return finalize_map(std::move(map));
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace pmsp::io {
 /// Mask in the size of its file.
 struct MaskImage {
   cv::Mat usable;         ///< 8 bits, 0 = ignored
-  std::string colours;    ///< commonest colours, for people: "90 % #ffffff, 10 % #ff0000"
+  std::string colours;    ///< commonest colours, for messages: "90 % #ffffff, 10 % #ff0000"
   bool by_alpha = false;  ///< read from the alpha channel
 };
 

@@ -236,7 +236,7 @@ MaskSummary MaskSource::look(const std::vector<fs::path>& images, int width, int
                        ".png, " + stem + "_mask.png or " + stem + ".mask.png for " + name.string());
   }
   if (impl_->folder) summary.unmatched = impl_->unmatched(images);
-  look_at(masked, width, height, summary);
+  add_to_summary(masked, width, height, summary);
   return summary;
 }
 
@@ -254,7 +254,7 @@ ImageView<const std::uint8_t> MaskSource::mask_for(const fs::path& image, int wi
 }
 
 /// Evaluates a sample of the images, all of which may have a mask.
-void MaskSource::look_at(const std::vector<fs::path>& images, int width, int height, MaskSummary& summary) {
+void MaskSource::add_to_summary(const std::vector<fs::path>& images, int width, int height, MaskSummary& summary) {
   std::map<fs::path, double> hidden_by;  // by file
   const std::size_t count = std::min(kLookedAt, images.size());
   for (std::size_t i = 0; i < count; ++i) {

@@ -75,7 +75,7 @@ void Mission::set_map(SlamMap read) {
 }
 
 void Mission::check_poses() {
-  if (options_.verify_map && map.observations_are_tested && !map.landmarks.empty() && convention.observations == 0) {
+  if (options_.verify_map && map.observations_are_measured && !map.landmarks.empty() && convention.observations == 0) {
     log_.warning(
         "unknown whether the map was read by the right conventions: too few observations of landmarks, expected at "
         "least 100");
@@ -83,7 +83,7 @@ void Mission::check_poses() {
   if (map.landmarks.empty()) {
     log_.stage("comparing the poses with the images");
     sweep_landmarks();
-  } else if (options_.verify_map && !map.observations_are_tested) {
+  } else if (options_.verify_map && !map.observations_are_measured) {
     log_.stage("comparing the poses with the images");
     check_points();
   }
@@ -91,7 +91,7 @@ void Mission::check_poses() {
 
 void Mission::sweep_landmarks() {
   LandmarkSweep sweep(map);
-  const std::unique_ptr<ImageSource> source = images->again();
+  const std::unique_ptr<ImageSource> source = images->reopen();
   show_images(*this, *source, sweep);
   const LandmarkSweep::Result result = sweep.make_landmarks(map, options_.threads, options_.verify_map);
   if (!result.fits) refuse(result.message);
@@ -103,7 +103,7 @@ void Mission::sweep_landmarks() {
 
 /// Checks the points against some images, since their projections are no evidence for the poses.
 void Mission::check_points() {
-  const std::unique_ptr<ImageSource> source = images->again();
+  const std::unique_ptr<ImageSource> source = images->reopen();
   restrict_to_sample(*source);
   LandmarkSweep sweep(map);
   PairingVerifier pairing(map);
@@ -127,7 +127,7 @@ void Mission::check_points() {
 Mission::ImageCheck Mission::check_images() const {
   ImageCheck check;
   const std::unique_ptr<PairingVerifier> pairing = verifier();
-  const std::unique_ptr<ImageSource> source = images->again();
+  const std::unique_ptr<ImageSource> source = images->reopen();
   ImageReader reader(*source, map, threads(), pairing.get());
   check.skipped = images->skipped();
   for (std::size_t count = 1;; ++count) {
@@ -152,7 +152,7 @@ Mission::ImageCheck Mission::check_images() const {
 void Mission::complete(Keyframe& keyframe, const ImageSource& source) {
   const std::filesystem::path file = source.origin(keyframe.id).file;
   keyframe.mask = masks->mask_for(file, keyframe.image.width, keyframe.image.height);
-  prior_depths.give(keyframe, file);
+  prior_depths.attach(keyframe, file);
 }
 
 std::string warning_of(const PairingVerifier::Verdict& pairing, bool saw_all) {

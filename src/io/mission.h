@@ -25,14 +25,13 @@ struct MissionOptions {
   int threads = 0;            ///< 0 = one per CPU
 };
 
-/// Receivers of sentences for people.
+/// Receives progress and warnings.
 struct MissionLog {
   std::function<void(const std::string&)> stage = [](const std::string&) {};
   std::function<void(const std::string&)> warning = [](const std::string&) {};
 };
 
-/// Map with its images, masks and prior depth, and their checks: the preparation of every run, in the order of the
-/// functions.
+/// Loads and checks a map with images, masks and prior depth. Members are called in the order of declaration.
 class PMSP_API Mission {
  public:
   explicit Mission(const MissionOptions& options, MissionLog log = {}) : options_(options), log_(std::move(log)) {}
@@ -57,7 +56,7 @@ class PMSP_API Mission {
     std::optional<PairingVerifier::Verdict> pairing;  ///< none without `verify_images`
     std::vector<SkippedKeyframe> skipped;             ///< without image, or undecodable
   };
-  /// Decodes images in order until the pairing check is clear, or all; a run does the same on the way. Throws
+  /// Decodes images until the pairing check is conclusive, at least 8, or all. Throws
   /// InvalidInput if the images belong to other keyframes, IoError if none can be decoded.
   ImageCheck check_images() const;
 

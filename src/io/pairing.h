@@ -41,7 +41,7 @@ class PMSP_API PairingVerifier {
     bool conclusive = false;  ///< enough comparisons for a verdict
     bool belongs = true;      ///< false: the images belong to other keyframes
     bool doubtful = false;    ///< images may belong, but fit worse than correct ones usually do
-    std::string message;      ///< a sentence for people
+    std::string message;      ///< message
   };
   Verdict verdict() const;  ///< of the images so far
 

@@ -12,7 +12,7 @@ namespace pmsp::map_detail {
 
 /// Alternative convention of a file's poses.
 struct PoseConvention {
-  std::string what;        ///< description for people
+  std::string what;        ///< description for messages
   bool inverted = false;   ///< world_from_cam and cam_from_world swapped
   Eigen::Matrix3d camera;  ///< camera axes; may mirror
   bool w_first = false;    ///< quaternion of world_from_cam has w first, but was read as qx qy qz qw
@@ -24,7 +24,7 @@ struct PoseConvention {
 /// All conventions except that of the readers.
 std::vector<PoseConvention> other_conventions();
 
-/// Returns the remedy for people: "put that right where the file was written, ...", or another one.
+/// Returns the remedy: "put that right where the file was written, ...", or another one.
 std::string remedy_of(const PoseConvention& convention);
 
 }  // namespace pmsp::map_detail

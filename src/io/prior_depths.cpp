@@ -19,7 +19,7 @@ std::filesystem::path PriorDepths::file_for(std::int64_t keyframe_id, const std:
 
 std::string PriorDepths::unit_text() const { return folder_ ? nlohmann::json(folder_->png_scale()).dump() : ""; }
 
-void PriorDepths::give(Keyframe& keyframe, const std::filesystem::path& image) {
+void PriorDepths::attach(Keyframe& keyframe, const std::filesystem::path& image) {
   if (!folder_) return;
   Outcome outcome;
   outcome.file = file_for(keyframe.id, image);

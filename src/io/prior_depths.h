@@ -27,13 +27,13 @@ class PMSP_API PriorDepths {
 
   /// Sets `keyframe.prior_depth` if the image has a depth file that fits; valid until the next call. To be called after
   /// all other fields are set.
-  void give(Keyframe& keyframe, const std::filesystem::path& image);
+  void attach(Keyframe& keyframe, const std::filesystem::path& image);
 
   /// Depth file of an image ("" = none), and other inputs of its values.
   std::filesystem::path file_for(std::int64_t keyframe_id, const std::filesystem::path& image) const;
   std::string unit_text() const;
 
-  /// Numbers of used, missing and rejected files: a line for people, and for --stats.
+  /// Numbers of used, missing and rejected files: a line for messages and --stats.
   std::string summary() const;
   nlohmann::ordered_json report() const;
 

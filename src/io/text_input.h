@@ -43,7 +43,7 @@ class TextInput {
     return true;
   }
 
-  /// Reads the next line with words that is no comment ("# ...").
+  /// Reads up to the next line that is neither blank nor a comment ("# ...").
   bool next() {
     while (next_line()) {
       skip_blanks();
@@ -81,7 +81,7 @@ class TextInput {
     return number_where<T>(what, [](T value) { return std::isfinite(static_cast<double>(value)); });
   }
 
-  /// Reads a number or NaN, which programs write for lost values.
+  /// As `number`, but also accepts NaN and infinity.
   double number_or_nan(const char* what) {
     return number_where<double>(what, [](double /*value*/) { return true; });
   }

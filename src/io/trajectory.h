@@ -17,10 +17,10 @@ struct TrajectoryPose {
 
 /// A file of poses, one a line.
 struct Trajectory {
-  std::string format;      ///< for people
+  std::string format;      ///< for messages
   bool has_times = false;  ///< false: as in KITTI's files, whose lines are frames
   std::vector<TrajectoryPose> poses;
-  std::vector<std::string> notes{};  ///< how the file was read, where that could be doubted; sentences for people
+  std::vector<std::string> notes{};  ///< how the file was read, where that could be doubted; messages
 };
 
 /// Whether the first line that says anything is a pose, or names the columns of one. `head`: the first bytes of a text

@@ -70,7 +70,7 @@ class Video final : public ImageSource {
     }
   }
 
-  std::unique_ptr<ImageSource> again() const override { return std::unique_ptr<ImageSource>(new Video(*this)); }
+  std::unique_ptr<ImageSource> reopen() const override { return std::unique_ptr<ImageSource>(new Video(*this)); }
 
  private:
   struct Target {

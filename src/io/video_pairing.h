@@ -20,7 +20,7 @@ struct VideoPairing {
   double rate = 0.0;        ///< from timestamps to frame indices [1/s]
   double t0 = 0.0;          ///< timestamp at the start of the video [s]
   std::int64_t offset = 0;  ///< added to frame indices
-  std::string description;  ///< a clause for people
+  std::string description;  ///< for messages
 
   /// Presentation time of a keyframe [s].
   double time(const MapKeyframe& keyframe) const { return keyframe.timestamp * unit - t0; }

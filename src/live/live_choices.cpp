@@ -87,7 +87,7 @@ bool LiveBuilder::is_wanted(LiveNode& node, const Keyframe& keyframe) {
   chain.add(newest_keyframe.landmarks, newest_keyframe.cam_from_world.center());
   const ViewChain::Verdict verdict = chain.compare(keyframe.landmarks, keyframe.cam_from_world.center());
   if (verdict.use != KeyframeUse::kDepthMap) return false;
-  if (!verdict.dispensable || densifier_.advanced.view_filter.min_sharpness == 0.0) return true;
+  if (!verdict.redundant || densifier_.advanced.view_filter.min_sharpness == 0.0) return true;
   const std::size_t count = std::min<std::size_t>(kSharpnessReach, static_cast<std::size_t>(next - sequence.begin()));
   for (auto at = next - static_cast<std::ptrdiff_t>(count); at != next; ++at) {
     const SharpnessRecord& record = nodes_.at(*at).sharpness;

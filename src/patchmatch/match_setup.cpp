@@ -13,18 +13,17 @@ namespace {
 /// Stages of a keyframe that draw random numbers.
 constexpr std::uint32_t kPatchMatchStage = 1;
 
-/// Variance of gray levels by rounding to bytes (1 / 12). Patches with no more of it score low. A larger value would
-/// remove depths of plaster and bare roofs; noise of the camera is averaged by resampling.
+/// Noise variance of gray levels, about that of rounding to 8 bits (1 / 12). Larger values remove depths of plaster and
+/// bare roofs; noise of the camera is averaged by resampling.
 constexpr float kNoiseVariance = 0.1F;
 
 // Common to all presets.
 
-/// Distance of a patch's samples at the equator [px of the depth map]: above a pixel, below which they are redundant.
+/// Spacing of patch samples at the equator [px of the depth map].
 constexpr double kPatchSpacing_px = 2.0;
 
-/// Minimum variance of a patch with texture: that of a standard deviation of 1.5 in clean images; in noisy ones, more
-/// than that of patches of noise, which varies by up to 2.6 times that of the barest ones. An image with texture all
-/// over seems noisy, too; therefore a standard deviation of 3 is texture in any image.
+/// Minimum variance of a textured patch: kTexturedPerNoise times the image noise, clamped to standard deviations of 1.5
+/// to 3 gray levels; the maximum applies to images with texture all over, which seem noisy.
 constexpr float kTexturedVariance = 1.5F * 1.5F;
 constexpr float kTexturedPerNoise = 2.6F;
 constexpr float kMaxTexturedVariance = 3.0F * 3.0F;
@@ -47,17 +46,17 @@ float textured_variance(float noise) {
 
 float far_variance(float noise) { return std::clamp(kTexturedPerNoise * noise, kFarVariance, kMaxTexturedVariance); }
 
-kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width, float noise) {
-  kernels::PatchLayout layout{};
+kernels::PatchParams patch_params(const PatchMatchOptions& options, int width, float noise) {
+  kernels::PatchParams params{};
   const auto spacing = [&](double pixels) { return static_cast<float>(std::tan(pixels * 2.0 * kernels::kPi / width)); };
-  layout.spacing = spacing(kPatchSpacing_px);
-  layout.fine_spacing = spacing(kPatchSpacing_px * options.fine_patch);
-  layout.fine_variance = options.fine_patch < 1.0 ? textured_variance(noise) : -1.0F;
-  layout.min_sigma_color = static_cast<float>(std::min(options.min_sigma_color, options.sigma_color));
-  layout.max_sigma_color = static_cast<float>(options.sigma_color);
-  layout.min_variance = kNoiseVariance;
-  layout.disagreement_cost = kDisagreementCost;
-  layout.disagreement_tolerance = kDisagreementTolerance;
+  params.spacing = spacing(kPatchSpacing_px);
+  params.fine_spacing = spacing(kPatchSpacing_px * options.fine_patch);
+  params.fine_variance = options.fine_patch < 1.0 ? textured_variance(noise) : -1.0F;
+  params.min_sigma_color = static_cast<float>(std::min(options.min_sigma_color, options.sigma_color));
+  params.max_sigma_color = static_cast<float>(options.sigma_color);
+  params.min_variance = kNoiseVariance;
+  params.disagreement_cost = kDisagreementCost;
+  params.disagreement_tolerance = kDisagreementTolerance;
   const auto weigh = [](float* weights, double size) {
     const double steps = kSigmaSpace_px / (kPatchSpacing_px * size);
     for (int k = 0; k < kernels::kPatchSamples; ++k) {
@@ -66,9 +65,9 @@ kernels::PatchLayout patch_layout(const PatchMatchOptions& options, int width, f
       weights[k] = static_cast<float>(std::exp(-0.5 * (dx * dx + dy * dy) / (steps * steps)));
     }
   };
-  weigh(layout.space_weight, 1.0);
-  weigh(layout.fine_space_weight, options.fine_patch);
-  return layout;
+  weigh(params.space_weight, 1.0);
+  weigh(params.fine_space_weight, options.fine_patch);
+  return params;
 }
 
 kernels::PlaneLimits plane_limits(const DepthRange& range) {
@@ -89,7 +88,7 @@ Iterations iterations_of(const PatchMatchOptions& options, int pass) {
 int planes_tried(const PatchMatchOptions& options) {
   constexpr int kFirst = 3, kAgain = 2;
   const int visit = kernels::kNeighbours + options.refinements;
-  const int own = options.neighbours >= kernels::kLeastWeighedViews ? 1 : 0;
+  const int own = options.neighbours >= kernels::kMinWeightedViews ? 1 : 0;
   return kFirst + options.iterations * (own + visit) +
          options.geometric_passes * (kAgain + kGeometricIterations * visit);
 }

@@ -80,19 +80,19 @@ Pass pass_for(const MatchInput& input, const PatchMatchOptions& options, std::ui
               const kernels::GridView& grid) {
   const Panorama& reference = *input.reference.panorama;
   Pass pass{};
-  pass.matching = make_matching(inside(reference).gray.view(), inside(reference).noise, options, reference.width(),
-                                input.range, seed, input.keyframe_id);
+  pass.match_args = make_match_args(impl_of(reference).gray.view(), impl_of(reference).noise, options,
+                                    reference.width(), input.range, seed, input.keyframe_id);
   for (std::size_t i = 0; i < input.neighbours.size(); ++i) {
     const PosedPanorama& neighbour = input.neighbours[i];
-    const PanoramaData& data = inside(*neighbour.panorama);
-    pass.matching.views[i] = {
+    const PanoramaData& data = impl_of(*neighbour.panorama);
+    pass.match_args.views[i] = {
         data.gray.view(), data.matchable.view(),
-        relation(neighbour.pose, input.reference.pose, 0.5 * input.lens_distance).other_from_first,
+        relative_pose(neighbour.pose, input.reference.pose, 0.5 * input.lens_distance).other_from_first,
         view_of_given(input.neighbour_maps.empty() ? nullptr : input.neighbour_maps[i])};
   }
-  pass.matching.num_views = static_cast<int>(input.neighbours.size());
+  pass.match_args.num_views = static_cast<int>(input.neighbours.size());
   pass.grid = grid;
-  if (!reference.usable().empty()) pass.mask = {reference.usable().pixels().data()};
+  if (!reference.mask().empty()) pass.mask = {reference.mask().pixels().data()};
   pass.priors = view_of_given(input.prior);
   pass.landmarks = view_of_given(input.landmarks);
   pass.warped = view_of_given(input.warped);
@@ -108,20 +108,20 @@ PlaneMap patchmatch(const MatchInput& input, const PatchMatchOptions& options, s
   const CpuProcessor::Planes state = on.planes();
   Pass pass = pass_for(input, options, seed, on.grid());
   pass.state = on.to(state);
-  const bool started = input.start != nullptr && !input.start->empty();
-  if (started) {
-    on.launch(kernels::ReorderPlanes<kernels::HostViews>{view_of(*input.start), pass.state, false}, nullptr);
+  const bool has_start_map = input.start != nullptr && !input.start->empty();
+  if (has_start_map) {
+    on.launch(kernels::ReorderPlanes<kernels::HostViewTypes>{view_of(*input.start), pass.state, false}, nullptr);
   } else {
     on.start(pass);
   }
   const auto cancelled = [&] { return cancel != nullptr && cancel->load(std::memory_order_relaxed); };
-  run_iterations(on, pass, {input.first_iteration, options.iterations}, started, cancelled);
+  run_iterations(on, pass, {input.first_iteration, options.iterations}, has_start_map, cancelled);
   if (cancelled()) return {};
   PlaneMap map(pass.grid.width, pass.grid.height);
   map.keyframe_id = input.keyframe_id;
   map.cam_from_world = input.reference.pose.cam_from_world;
   map.scale = input.reference.pose.scale;
-  on.launch(kernels::ReorderPlanes<kernels::HostViews>{on.map(state), arrays_of(map), true}, nullptr);
+  on.launch(kernels::ReorderPlanes<kernels::HostViewTypes>{on.map(state), arrays_of(map), true}, nullptr);
   return map;
 }
 

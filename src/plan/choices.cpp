@@ -73,10 +73,10 @@ const PlanEntry* PreviousPlan::find(std::int64_t id) const {
   return found == entries_.end() ? nullptr : &found->second;
 }
 
-ViewChain::Lean PreviousPlan::lean(std::int64_t id) const {
+ViewChain::Preference PreviousPlan::lean(std::int64_t id) const {
   const PlanEntry* entry = find(id);
-  if (entry == nullptr) return ViewChain::Lean::kNone;
-  return entry->used() ? ViewChain::Lean::kUse : ViewChain::Lean::kLeave;
+  if (entry == nullptr) return ViewChain::Preference::kNone;
+  return entry->used() ? ViewChain::Preference::kUse : ViewChain::Preference::kReject;
 }
 
 std::vector<std::int64_t> choose_viewers(const PlanNode& node, const std::vector<std::int64_t>& window,
@@ -124,7 +124,7 @@ DepthRange choose_range(const Keyframe& keyframe, const InitOptions& options, co
   return hardly_differs(range.min, before.min) && hardly_differs(range.max, before.max) ? before : range;
 }
 
-std::vector<std::size_t> places_of(const std::vector<std::int64_t>& ids, const Places& candidates) {
+std::vector<std::size_t> indices_of(const std::vector<std::int64_t>& ids, const IndexById& candidates) {
   std::vector<std::size_t> result;
   for (const std::int64_t id : ids) {
     const auto found = candidates.find(id);
@@ -138,9 +138,9 @@ std::vector<std::size_t> choose_near(const std::vector<const Keyframe*>& sequenc
                                      const PlanEntry* previous) {
   const std::vector<std::size_t> chosen = choose_neighbours(sequence, reference, count);
   if (previous == nullptr) return chosen;
-  Places places;
+  IndexById places;
   for (std::size_t i = 0; i < sequence.size(); ++i) places.emplace(sequence[i]->id, i);
-  const std::vector<std::size_t> before = places_of(previous->near, places);
+  const std::vector<std::size_t> before = indices_of(previous->near, places);
   if (before.size() != chosen.size()) return chosen;
   std::ptrdiff_t later = 0;  // numbers of later keyframes must be equal
   for (const std::size_t i : before) later += i > reference ? 1 : 0;
@@ -154,7 +154,7 @@ std::vector<std::size_t> choose_near(const std::vector<const Keyframe*>& sequenc
   return value(before) >= kNearlyAsGood * value(chosen) ? before : chosen;
 }
 
-void settle(PlanEntry& entry, const DepthRange& range) {
+void set_use_and_range(PlanEntry& entry, const DepthRange& range) {
   entry.range = range;
   if (entry.near.empty()) {
     entry.use = KeyframeUse::kNoNeighbour;

@@ -30,7 +30,7 @@ class PreviousPlan {
 
   /// Returns nullptr if there is none.
   const PlanEntry* find(std::int64_t id) const;
-  ViewChain::Lean lean(std::int64_t id) const;
+  ViewChain::Preference lean(std::int64_t id) const;
 
  private:
   std::unordered_map<std::int64_t, PlanEntry> entries_;
@@ -55,10 +55,10 @@ std::vector<std::int64_t> choose_viewers(const PlanNode& node, const std::vector
 DepthRange choose_range(const Keyframe& keyframe, const InitOptions& options, const PlanEntry* previous);
 
 /// Indices of keyframes in a list of candidates, by id.
-using Places = std::unordered_map<std::int64_t, std::size_t>;
+using IndexById = std::unordered_map<std::int64_t, std::size_t>;
 
 /// Returns the indices of `ids`; empty unless all are candidates.
-std::vector<std::size_t> places_of(const std::vector<std::int64_t>& ids, const Places& candidates);
+std::vector<std::size_t> indices_of(const std::vector<std::int64_t>& ids, const IndexById& candidates);
 
 /// Minimum value of a previous choice, relative to the new one, for being kept.
 constexpr double kNearlyAsGood = 0.9;
@@ -69,6 +69,6 @@ std::vector<std::size_t> choose_near(const std::vector<const Keyframe*>& sequenc
                                      const PlanEntry* previous);
 
 /// Sets `use` and `range` of an entry with known `near`.
-void settle(PlanEntry& entry, const DepthRange& range);
+void set_use_and_range(PlanEntry& entry, const DepthRange& range);
 
 }  // namespace pmsp

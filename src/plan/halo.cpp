@@ -149,8 +149,8 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
       if (!runs(entry, pass)) return;  // its passes are complete
       running[i] = true;
       const PlaneReuse* const reuse = reuse_of(entry.id);
-      const bool alone = reuse != nullptr && reuse->images_first && pass == pass_range(reuse, passes).first;
-      if (!alone) find.add(lenders, entry.near);
+      const bool photometric = reuse != nullptr && reuse->photometric_first && pass == pass_range(reuse, passes).first;
+      if (!photometric) find.add(lenders, entry.near);
     });
     result.planes[static_cast<std::size_t>(pass)] = find.ids(running);
     HaloFinder::add(matched, running);

@@ -14,7 +14,8 @@ PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const
                    Wanted wanted, const std::map<std::int64_t, PlaneReuse>& reuses)
     : plan_(plan), planned_stages_(plan.entries.size()) {
   check_plan(plan, options);
-  for (std::size_t place = 0; place < plan.entries.size(); ++place) places_.emplace(plan.entries[place].id, place);
+  for (std::size_t entry_index = 0; entry_index < plan.entries.size(); ++entry_index)
+    places_.emplace(plan.entries[entry_index].id, entry_index);
   for (const auto& [id, reuse] : reuses) {
     const int fewest = reuse.planes == PlaneReuse::Planes::kStart ? 0 : 1;
     const int most = options.advanced.patchmatch.geometric_passes + (fewest == 0 ? 0 : 1);
@@ -22,12 +23,12 @@ PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const
       throw InvalidInput("keyframe " + std::to_string(id) + " is to be matched in " + std::to_string(reuse.passes) +
                          " passes; expected " + std::to_string(fewest) + " to " + std::to_string(most));
     }
-    planned_stages_[place_of(id)].reuse = reuse;
+    planned_stages_[entry_index_of(id)].reuse = reuse;
   }
   const RunHalo halo = find_halo(plan, ids, options, wanted, reuses);
-  for (const std::int64_t id : ids) planned_stages_[place_of(id)].emits_results = true;
-  for (std::size_t place = 0; place < planned_stages_.size(); ++place) {
-    const bool is_part = entry(place).has_depth_map() && !planned_stages_[place].emits_results;
+  for (const std::int64_t id : ids) planned_stages_[entry_index_of(id)].emits_results = true;
+  for (std::size_t entry_index = 0; entry_index < planned_stages_.size(); ++entry_index) {
+    const bool is_part = entry(entry_index).has_depth_map() && !planned_stages_[entry_index].emits_results;
     if (is_part && reuses.empty()) check_chain(options);  // planes of an earlier run end the chain
   }
   const auto each = [&](const std::vector<std::int64_t>& named, const auto& mark) {
@@ -40,19 +41,19 @@ PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const
   each(halo.earlier, [](PlannedStages& way) { way.earlier = true; });
   each(halo.filtered, [](PlannedStages& way) { way.filtered = true; });
   for (const auto& round : halo.rounds) each(round, [](PlannedStages& way) { ++way.rounds; });
-  for (std::size_t place = 0; place < planned_stages_.size(); ++place) {
-    if (planned_stages_[place].takes_part) taking_part_.push_back(place);
+  for (std::size_t entry_index = 0; entry_index < planned_stages_.size(); ++entry_index) {
+    if (planned_stages_[entry_index].takes_part) taking_part_.push_back(entry_index);
   }
 }
 
-std::size_t PlanPart::place_of(std::int64_t id) const {
+std::size_t PlanPart::entry_index_of(std::int64_t id) const {
   const auto found = places_.find(id);
   if (found == places_.end()) throw InvalidInput("the plan has no keyframe " + std::to_string(id));
   return found->second;
 }
 
-bool PlanPart::runs(const Stage& stage, std::size_t place) const {
-  const PlannedStages& way = planned_stages_[place];
+bool PlanPart::runs(const Stage& stage, std::size_t entry_index) const {
+  const PlannedStages& way = planned_stages_[entry_index];
   switch (stage.kind) {
     case Stage::Kind::kMatch:
       return (way.passes >> static_cast<unsigned>(stage.step) & 1U) != 0;

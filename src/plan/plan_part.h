@@ -16,8 +16,8 @@
 
 namespace pmsp {
 
-/// Part of a plan that the results of some keyframes depend on: participating keyframes and their stages. A keyframe's
-/// place is the index of its entry.
+/// Part of a plan that the results of some keyframes depend on: participating keyframes and their stages.
+/// Keyframes are numbered by the index of their entry.
 class PlanPart {
  public:
   /// `options`: valid. Throws InvalidInput as check_plan does, if the plan lacks one of `ids`, or if reuses are
@@ -26,19 +26,19 @@ class PlanPart {
            const std::map<std::int64_t, PlaneReuse>& reuses = {});
 
   /// Throws InvalidInput if the plan lacks the keyframe.
-  std::size_t place_of(std::int64_t id) const;
-  const PlanEntry& entry(std::size_t place) const { return plan_.entries[place]; }
+  std::size_t entry_index_of(std::int64_t id) const;
+  const PlanEntry& entry(std::size_t entry_index) const { return plan_.entries[entry_index]; }
 
-  /// Places of participating keyframes, in the order of the plan.
+  /// Entry indices of participating keyframes, in the order of the plan.
   const std::vector<std::size_t>& required() const { return taking_part_; }
-  bool takes_part(std::size_t place) const { return planned_stages_[place].takes_part; }
+  bool takes_part(std::size_t entry_index) const { return planned_stages_[entry_index].takes_part; }
   /// Whether results of the keyframe are requested.
-  bool emits(std::size_t place) const { return planned_stages_[place].emits_results; }
-  bool runs(const Stage& stage, std::size_t place) const;
+  bool emits(std::size_t entry_index) const { return planned_stages_[entry_index].emits_results; }
+  bool runs(const Stage& stage, std::size_t entry_index) const;
 
   /// Matching of the keyframe with fewer passes; ignored unless `needs_earlier`.
-  const std::optional<PlaneReuse>& reuse(std::size_t place) const { return planned_stages_[place].reuse; }
-  bool needs_earlier(std::size_t place) const { return planned_stages_[place].earlier; }
+  const std::optional<PlaneReuse>& reuse(std::size_t entry_index) const { return planned_stages_[entry_index].reuse; }
+  bool needs_earlier(std::size_t entry_index) const { return planned_stages_[entry_index].earlier; }
 
  private:
   /// Stages of a keyframe.
@@ -54,7 +54,7 @@ class PlanPart {
 
   Plan plan_;
   std::unordered_map<std::int64_t, std::size_t> places_;  ///< by id
-  std::vector<PlannedStages> planned_stages_;             ///< by place
+  std::vector<PlannedStages> planned_stages_;             ///< by entry index
   std::vector<std::size_t> taking_part_;
 };
 

@@ -71,10 +71,10 @@ KeyframeUse Planner::decide_use(const PlanKeyframe& keyframe) {
     if (keyframe.landmarks.empty()) return first ? KeyframeUse::kDepthMap : KeyframeUse::kNoLandmarks;
     return begin_block(keyframe);
   }
-  const ViewChain::Lean lean = previous_.lean(keyframe.id);
+  const ViewChain::Preference lean = previous_.lean(keyframe.id);
   const ViewChain::Verdict verdict = chain_.compare(keyframe.landmarks, keyframe.cam_from_world.center(), lean);
   if (verdict.use != KeyframeUse::kDepthMap) return verdict.use;
-  if (verdict.dispensable && is_blurred(keyframe)) return KeyframeUse::kBlurred;
+  if (verdict.redundant && is_blurred(keyframe)) return KeyframeUse::kBlurred;
   take_into_chain(keyframe);
   used_in_block_ = true;
   return KeyframeUse::kDepthMap;
@@ -84,10 +84,10 @@ KeyframeUse Planner::decide_use(const PlanKeyframe& keyframe) {
 KeyframeUse Planner::begin_block(const PlanKeyframe& keyframe) {
   KeyframeUse use = KeyframeUse::kDepthMap;
   if (used_in_block_) {  // in the previous block
-    const ViewChain::Lean lean = previous_.lean(keyframe.id);
+    const ViewChain::Preference lean = previous_.lean(keyframe.id);
     const ViewChain::Verdict verdict = chain_.compare(keyframe.landmarks, keyframe.cam_from_world.center(), lean);
     if (verdict.use == KeyframeUse::kTooLittleParallax) use = verdict.use;
-    if (verdict.dispensable && is_blurred(keyframe)) use = KeyframeUse::kBlurred;
+    if (verdict.redundant && is_blurred(keyframe)) use = KeyframeUse::kBlurred;
   }
   chain_.clear();
   take_into_chain(keyframe);
@@ -125,7 +125,7 @@ void Planner::choose_neighbours_of(std::int64_t i) {
   const std::vector<std::size_t> near =
       choose_near(sequence, static_cast<std::size_t>(i - from), options_.advanced.patchmatch.neighbours, before);
   for (const std::size_t k : near) entry.near.push_back(sequence[k]->id);
-  settle(entry, choose_range(reference.keyframe, options_.advanced.init, before));
+  set_use_and_range(entry, choose_range(reference.keyframe, options_.advanced.init, before));
   reference.has_depth_map = entry.has_depth_map();
   const std::int64_t chain = options_.advanced.init.chain_keyframes;
   if (options_.advanced.init.warp_previous && entry.has_depth_map() && i > first_ && node(i - 1).has_depth_map) {

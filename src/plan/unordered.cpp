@@ -116,18 +116,18 @@ bool UnorderedPlan::is_blurred(std::size_t i) const {
   const std::vector<Covisible>& sharers = covisible_[i];
   const Keyframe& keyframe = nodes_[i].keyframe;
   if (sharers.empty() || sharpness_[i].landmarks.empty()) return false;
-  const ViewChain::Lean lean = previous_.lean(keyframe.id);
+  const ViewChain::Preference lean = previous_.lean(keyframe.id);
   const double landmarks = static_cast<double>(keyframe.landmarks.size());
-  if (sharers.front().landmarks < leaning(kSharedToSkip, lean, false) * landmarks) return false;
+  if (sharers.front().landmarks < biased_threshold(kSharedToSkip, lean, false) * landmarks) return false;
   const PlanNode& best = nodes_[sharers.front().node];
   const CommonParallax common =
       common_parallax(keyframe.landmarks, nodes_[i].center, best.keyframe.landmarks, best.center, 0.0, 180.0);
-  if (common.median_deg > leaning(kParallaxToSkipDeg, lean, true)) return false;
+  if (common.median_deg > biased_threshold(kParallaxToSkipDeg, lean, true)) return false;
   std::vector<double> relative;
   for (std::size_t k = 0; k < std::min(kSharpnessOf, sharers.size()); ++k) {
     relative.push_back(relative_sharpness(sharpness_[i].landmarks, sharpness_[sharers[k].node].landmarks));
   }
-  return median(relative) < leaning(options_.advanced.view_filter.min_sharpness, lean, true);
+  return median(relative) < biased_threshold(options_.advanced.view_filter.min_sharpness, lean, true);
 }
 
 void UnorderedPlan::leave_out() {
@@ -152,7 +152,7 @@ std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
   const int count = options_.advanced.patchmatch.neighbours;
   std::vector<std::size_t> candidates;
   std::vector<const Covisibility*> covisibilities;
-  Places places;
+  IndexById places;
   for (const Covisible& sharer : covisible_[i]) {
     if (!(distance(i, sharer.node) > 0.0)) continue;
     places.emplace(nodes_[sharer.node].keyframe.id, candidates.size());
@@ -177,7 +177,7 @@ std::vector<std::size_t> UnorderedPlan::choose_near_of(std::size_t i) const {
     if (chosen.size() < kFewestNear || value({others[k].second}) >= enough) chosen.push_back(others[k].second);
   }
   if (const PlanEntry* before = previous_.find(reference.keyframe.id)) {
-    const std::vector<std::size_t> kept = places_of(before->near, places);
+    const std::vector<std::size_t> kept = indices_of(before->near, places);
     const bool as_many = !kept.empty() && kept.size() + 1 >= chosen.size();
     if (as_many && value(kept) >= kNearlyAsGood * value(chosen)) chosen = kept;
   }
@@ -190,7 +190,7 @@ void UnorderedPlan::choose_neighbours_of(std::size_t i) {
   PlanEntry& decided = entry(i);
   const PlanEntry* before = previous_.find(decided.id);
   for (const std::size_t k : choose_near_of(i)) decided.near.push_back(nodes_[k].keyframe.id);
-  settle(decided, choose_range(reference.keyframe, options_.advanced.init, before));
+  set_use_and_range(decided, choose_range(reference.keyframe, options_.advanced.init, before));
   reference.has_depth_map = decided.has_depth_map();
 }
 

@@ -25,7 +25,7 @@ PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const std::
   const KeyframePose pose{map.cam_from_world, map.scale};
   kernels::Baselines baselines{};
   for (const KeyframePose& neighbour : neighbours) {
-    baselines.to[baselines.count++] = baseline(relation(neighbour, pose, 0.5 * lens_distance).other_from_first);
+    baselines.to[baselines.count++] = baseline(relative_pose(neighbour, pose, 0.5 * lens_distance).other_from_first);
   }
   const CpuProcessor on(executor, map.width(), map.height());
   PlaneMap priors(map.width(), map.height());
@@ -33,11 +33,12 @@ PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const std::
   priors.cam_from_world = map.cam_from_world;
   priors.scale = map.scale;
   const PriorGrid grid(map.width(), map.height());
-  Array<kernels::Vec3<float>> external;
-  if (!prior_depth.empty()) external = on.upload(external_planes(prior_depth, map.scale, grid));
-  find_plane_priors(on, on.upload(great_circle_table(grid)), external, view_of(map), inside(panorama).gray.view(),
-                    inside(panorama).noise, find_evidence(on, inside(panorama).gray.view(), baselines),
-                    plane_limits(range), arrays_of(priors));
+  Array<kernels::Vec3<float>> prior_depth_planes;
+  if (!prior_depth.empty()) prior_depth_planes = on.upload(external_planes(prior_depth, map.scale, grid));
+  find_plane_priors(on, on.upload(great_circle_table(grid)), prior_depth_planes, view_of(map),
+                    impl_of(panorama).gray.view(), impl_of(panorama).noise,
+                    find_evidence(on, impl_of(panorama).gray.view(), baselines), plane_limits(range),
+                    arrays_of(priors));
   return priors;
 }
 
@@ -45,8 +46,8 @@ PlaneMap subtract_priors(const PlaneMap& map, const PlaneMap& priors, const Exec
   if (!same_size(map, priors)) throw InvalidInput("scores_without_priors: the maps differ in size");
   PlaneMap result = map;
   const SphereGrid grid(map.width(), map.height());
-  inside(executor).run(kernels::ScoresWithoutPriors<kernels::HostViews>{view_of(map), view_of(priors), grid.view(),
-                                                                        kPriorBonus, arrays_of(result)});
+  impl_of(executor).run(kernels::ScoresWithoutPriors<kernels::HostViewTypes>{view_of(map), view_of(priors), grid.view(),
+                                                                             kPriorBonus, arrays_of(result)});
   return result;
 }
 

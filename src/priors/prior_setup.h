@@ -38,7 +38,7 @@ kernels::Vec3<float> baseline(const kernels::Rigid& other_from_first);
 
 /// Baselines of a keyframe's source views.
 template <class Cube>
-kernels::Baselines baselines_of(const kernels::Matching<Cube>& matching) {
+kernels::Baselines baselines_of(const kernels::MatchArgs<Cube>& matching) {
   kernels::Baselines baselines{};
   for (int k = 0; k < matching.num_views; ++k) {
     baselines.to[baselines.count++] = baseline(matching.views[k].view_from_ref);
@@ -47,11 +47,11 @@ kernels::Baselines baselines_of(const kernels::Matching<Cube>& matching) {
 }
 
 /// Image evidence of each pixel's depth (kernels/depth_evidence.h), common to all passes with the same source views.
-struct PictureEvidence {
+struct EvidenceMap {
   Array<float> variance, certainty;
   kernels::Baselines baselines{};
 
-  bool is_of(const kernels::Baselines& others) const {
+  bool matches(const kernels::Baselines& others) const {
     if (!variance || baselines.count != others.count) return false;
     for (int k = 0; k < others.count; ++k) {
       const kernels::Vec3<float>&a = baselines.to[k], &b = others.to[k];
@@ -62,13 +62,13 @@ struct PictureEvidence {
 };
 
 template <class Processor, class Cube>
-PictureEvidence find_evidence(Processor& on, const Cube& image, const kernels::Baselines& baselines) {
-  using Views = typename Processor::Views;
+EvidenceMap find_evidence(Processor& on, const Cube& image, const kernels::Baselines& baselines) {
+  using ViewTypes = typename Processor::ViewTypes;
   const kernels::GridView grid = on.grid();
   const std::size_t pixels = static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
-  PictureEvidence evidence{on.template array<float>(pixels), on.template array<float>(pixels), baselines};
-  on.launch(kernels::FindEvidence<Views>{image, grid, baselines, texture_spacing(grid.width), evidence.variance.get(),
-                                         evidence.certainty.get()},
+  EvidenceMap evidence{on.template array<float>(pixels), on.template array<float>(pixels), baselines};
+  on.launch(kernels::FindEvidence<ViewTypes>{image, grid, baselines, texture_spacing(grid.width),
+                                             evidence.variance.get(), evidence.certainty.get()},
             nullptr);
   return evidence;
 }
@@ -79,21 +79,21 @@ constexpr int kPriorStrides[] = {16, 8, 4, 2, 1};
 /// Prior planes of a map's pixels. `image`: gray values; `great_circles`, `external`: great_circle_table and
 /// external_planes (or nullptr), in memory of the processor (processor.h). `noise`: see image_noise.
 template <class Processor, class Map, class Cube, class Planes>
-void find_plane_priors(Processor& on, const Array<int>& great_circles, const Array<kernels::Vec3<float>>& external,
-                       const Map& map, const Cube& image, float noise, const PictureEvidence& evidence,
-                       const kernels::PlaneLimits& limits, const Planes& to) {
-  using Views = typename Processor::Views;
+void find_plane_priors(Processor& on, const Array<int>& great_circles,
+                       const Array<kernels::Vec3<float>>& prior_depth_planes, const Map& map, const Cube& image,
+                       float noise, const EvidenceMap& evidence, const kernels::PlaneLimits& limits, const Planes& to) {
+  using ViewTypes = typename Processor::ViewTypes;
   using kernels::PriorStep;
   const PriorGrid size(map.width, map.height);
   const auto supports = on.template array<kernels::Vec3<float>>(size.cells());
   const auto errors = on.template array<float>(size.cells());
   const auto uncertain = on.template array<unsigned char>(size.cells());
   const auto around = on.template array<kernels::NearestSupports>(size.cells());
-  const auto pixels = on.template array<kernels::SupportPixel>(size.cells() * Processor::kPriorShares);
-  const auto candidates = on.template array<kernels::PriorPlane>(size.cells() * Processor::kPriorShares);
+  const auto pixels = on.template array<kernels::SupportPixel>(size.cells() * Processor::kThreadsPerPriorCell);
+  const auto candidates = on.template array<kernels::PriorPlane>(size.cells() * Processor::kThreadsPerPriorCell);
   auto before = on.template array<kernels::PriorPlane>(size.cells());
   auto found = on.template array<kernels::PriorPlane>(size.cells());
-  kernels::PriorCells<Views> cells{};
+  kernels::PriorCells<ViewTypes> cells{};
   cells.map = map;
   cells.image = image;
   cells.grid = on.grid();
@@ -107,7 +107,7 @@ void find_plane_priors(Processor& on, const Array<int>& great_circles, const Arr
   cells.columns = size.columns;
   cells.rows = size.rows;
   cells.great_circles = great_circles.get();
-  cells.external = external.get();
+  cells.prior_depth_planes = prior_depth_planes.get();
   cells.supports = supports.get();
   cells.errors = errors.get();
   cells.uncertain = uncertain.get();
@@ -115,21 +115,21 @@ void find_plane_priors(Processor& on, const Array<int>& great_circles, const Arr
   cells.found = found.get();
   cells.pixels = pixels.get();
   cells.candidates = candidates.get();
-  cells.shares = Processor::kPriorShares;
-  on.launch(kernels::PriorCellStep<Views, PriorStep::kPixels>{cells}, nullptr);
-  on.launch(kernels::PriorCellStep<Views, PriorStep::kSupports>{cells}, nullptr);
-  on.launch(kernels::PriorCellStep<Views, PriorStep::kSurroundings>{cells}, nullptr);
-  on.launch(kernels::PriorCellStep<Views, PriorStep::kCandidates>{cells}, nullptr);
-  on.launch(kernels::PriorCellStep<Views, PriorStep::kPlanes>{cells}, nullptr);
+  cells.threads = Processor::kThreadsPerPriorCell;
+  on.launch(kernels::PriorCellStep<ViewTypes, PriorStep::kPixels>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<ViewTypes, PriorStep::kSupports>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<ViewTypes, PriorStep::kSurroundings>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<ViewTypes, PriorStep::kCandidates>{cells}, nullptr);
+  on.launch(kernels::PriorCellStep<ViewTypes, PriorStep::kPlanes>{cells}, nullptr);
   for (const int stride : kPriorStrides) {
     std::swap(before, found);
-    cells.before = before.get();
+    cells.previous = before.get();
     cells.found = found.get();
     cells.stride = stride;
-    on.launch(kernels::PriorCellStep<Views, PriorStep::kOffers>{cells}, nullptr);
-    on.launch(kernels::PriorCellStep<Views, PriorStep::kChoice>{cells}, nullptr);
+    on.launch(kernels::PriorCellStep<ViewTypes, PriorStep::kAdoption>{cells}, nullptr);
+    on.launch(kernels::PriorCellStep<ViewTypes, PriorStep::kChoice>{cells}, nullptr);
   }
-  on.launch(kernels::PixelPriors<Views>{cells, to}, nullptr);
+  on.launch(kernels::PixelPriors<ViewTypes>{cells, to}, nullptr);
 }
 
 }  // namespace pmsp

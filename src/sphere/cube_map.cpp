@@ -60,9 +60,9 @@ CubeMap fill_cube(const CubeNodes& nodes, ThreadPool& pool, const Function& valu
 }
 
 /// 0 within `radius_px` (pixels at the equator) of a pixel that is 0, 255 elsewhere.
-Image<std::uint8_t> eroded(const Image<std::uint8_t>& usable, double radius_px) {
-  const int width = usable.width();
-  const int height = usable.height();
+Image<std::uint8_t> eroded(const Image<std::uint8_t>& mask, double radius_px) {
+  const int width = mask.width();
+  const int height = mask.height();
   Image<std::uint8_t> result(width, height, 255);
   const int rows = static_cast<int>(std::ceil(radius_px));
   for (int y = 0; y < height; ++y) {
@@ -73,7 +73,7 @@ Image<std::uint8_t> eroded(const Image<std::uint8_t>& usable, double radius_px) 
       const double across = std::sqrt(std::max(radius_px * radius_px - dy * dy, 0.0)) / std::max(narrowing, 1e-6);
       const int reach = static_cast<int>(std::min(std::ceil(across), 0.5 * width));
       for (int x = 0; x < width; ++x) {
-        if (usable(x, y) != 0) continue;
+        if (mask(x, y) != 0) continue;
         for (int dx = -reach; dx <= reach; ++dx) result((x + dx + width) % width, to) = 0;
       }
     }
@@ -124,7 +124,7 @@ CubeMap cube_of_nodes(const std::uint16_t* all, int size, ThreadPool& pool) {
   return cube;
 }
 
-ImageSize compared_size(int image_width, int width, int height, double scale) {
+ImageSize matching_size(int image_width, int width, int height, double scale) {
   const auto even = [](double size) { return 2 * std::max(1, static_cast<int>(std::lround(0.5 * size))); };
   const int compared = std::min(image_width, even(scale * width));
   if (compared == width) return {width, height};
@@ -158,11 +158,11 @@ CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool) {
   return make_cube_map(gray, CubeNodes(size, gray.width(), gray.height(), pool), pool);
 }
 
-CubeMap make_usable_cube(const Image<std::uint8_t>& usable, int size, double radius_px, ThreadPool& pool) {
-  const Image<std::uint8_t> inside = eroded(usable, radius_px);
-  const CubeNodes nodes(size, usable.width(), usable.height(), pool);
+CubeMap make_matchable_cube(const Image<std::uint8_t>& mask, int size, double radius_px, ThreadPool& pool) {
+  const Image<std::uint8_t> inside = eroded(mask, radius_px);
+  const CubeNodes nodes(size, mask.width(), mask.height(), pool);
   return fill_cube(nodes, pool, [&](const Pixel<float>& at) {
-    const bool matchable = inside(kernels::column(at.x, usable.width()), kernels::row(at.y, usable.height())) != 0;
+    const bool matchable = inside(kernels::column(at.x, mask.width()), kernels::row(at.y, mask.height())) != 0;
     return static_cast<std::uint16_t>(matchable ? 65535 : 0);
   });
 }

@@ -32,13 +32,13 @@ int cube_size_for(int width);
 struct ImageSize {
   int width, height;
 };
-ImageSize compared_size(int image_width, int width, int height, double scale);
+ImageSize matching_size(int image_width, int width, int height, double scale);
 
 /// Image points of a cube map's nodes in equirectangular images of one size. Computed once for all images of a
 /// sequence, since this takes longer than sampling.
 struct CubeNodes {
   CubeNodes(int size, int width, int height, ThreadPool& pool);
-  bool is_of(int its_size, int its_width, int its_height) const {
+  bool matches(int its_size, int its_width, int its_height) const {
     return size == its_size && width == its_width && height == its_height;
   }
 
@@ -52,6 +52,6 @@ CubeMap make_cube_map(const Image<float>& gray, const CubeNodes& nodes, ThreadPo
 CubeMap make_cube_map(const Image<float>& gray, int size, ThreadPool& pool);
 
 /// 255 where a patch may be matched, 0 within `radius_px` (pixels at the equator) of a pixel that is 0.
-CubeMap make_usable_cube(const Image<std::uint8_t>& usable, int size, double radius_px, ThreadPool& pool);
+CubeMap make_matchable_cube(const Image<std::uint8_t>& mask, int size, double radius_px, ThreadPool& pool);
 
 }  // namespace pmsp

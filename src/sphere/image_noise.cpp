@@ -19,8 +19,8 @@ constexpr std::size_t kLeastPatches = 64;  // minimum number for an estimate
 constexpr double kMaxSinLat = 0.9;         // maximum; beyond it, rows are averaged, which reduces noise
 constexpr double kDarkest = 8.0;           // limits of the mean gray value of a patch; sensors clip beyond
 constexpr double kBrightest = 245.0;
-constexpr int kMostRows = 16;     // maximum rows that are read of a square; more would reduce noise little further
-constexpr double kBarest = 0.05;  // share of the patches
+constexpr int kMostRows = 16;  // maximum rows that are read of a square; more would reduce noise little further
+constexpr double kLeastTexturedShare = 0.05;  // share of the patches
 
 /// Mean gray value of a square; none if a pixel is masked. x wraps.
 std::optional<float> mean_gray(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, double x, double y,
@@ -105,13 +105,14 @@ std::optional<float> variance_at(int i, const PatchGrid& grid, const ImageView<c
   return variance_in(grays);
 }
 
-float of_the_barest(const std::array<std::optional<float>, kPatches>& found) {
+float least_textured_variance(const std::array<std::optional<float>, kPatches>& found) {
   std::vector<float> variances;
   for (const std::optional<float>& variance : found) {
     if (variance) variances.push_back(*variance);
   }
   if (variances.size() < kLeastPatches) return 0.0F;
-  const auto barest = variances.begin() + static_cast<std::ptrdiff_t>(kBarest * static_cast<double>(variances.size()));
+  const auto barest =
+      variances.begin() + static_cast<std::ptrdiff_t>(kLeastTexturedShare * static_cast<double>(variances.size()));
   std::nth_element(variances.begin(), barest, variances.end());
   return *barest;
 }
@@ -132,7 +133,7 @@ float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask
       found[of][static_cast<std::size_t>(i)] = variance_at(i, grids[of], image, mask);
   });
   float noise = 0.0F;
-  for (std::size_t of = 0; of < count; ++of) noise = std::max(noise, of_the_barest(found[of]));
+  for (std::size_t of = 0; of < count; ++of) noise = std::max(noise, least_textured_variance(found[of]));
   return noise;
 }
 

@@ -79,18 +79,18 @@ PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::u
       data.color(x, y) = {byte(value.x()), byte(value.y()), byte(value.z())};
     }
   }
-  const ImageSize compared = compared_size(image.width, width, height, image_scale);
+  const ImageSize compared = matching_size(image.width, width, height, image_scale);
   Image<float> gray =
       compared.width == width ? gray_of(resized) : area_resize_gray(image, compared.width, compared.height, pool);
   equalize_rows(gray, pool);
   const int size = cube_size_for(compared.width);
-  if (!nodes || !nodes->is_of(size, compared.width, compared.height)) {
+  if (!nodes || !nodes->matches(size, compared.width, compared.height)) {
     nodes.emplace(size, compared.width, compared.height, pool);
   }
   data.gray = make_cube_map(gray, *nodes, pool);
   if (mask.empty()) return data;
-  data.usable = shrink_mask(mask, width, height);
-  data.matchable = make_usable_cube(data.usable, cube_size_for(width), kPatchReachPx, pool);
+  data.mask = shrink_mask(mask, width, height);
+  data.matchable = make_matchable_cube(data.mask, cube_size_for(width), kPatchReachPx, pool);
   return data;
 }
 
@@ -99,7 +99,7 @@ Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mas
     : data_(std::make_unique<PanoramaData>()) {
   std::optional<CubeNodes> nodes;
   *data_ = prepare_panorama(image, mask, width, height, image_scale, executor, nodes);
-  const int compared = compared_size(image.width, width, height, image_scale).width;
+  const int compared = matching_size(image.width, width, height, image_scale).width;
   data_->noise = image_noise(image, mask, width, compared, pool_of(executor));
 }
 Panorama::~Panorama() = default;
@@ -109,6 +109,6 @@ Panorama& Panorama::operator=(Panorama&&) noexcept = default;
 int Panorama::width() const { return data_->width; }
 int Panorama::height() const { return data_->height; }
 const Image<Rgb>& Panorama::color() const { return data_->color; }
-const Image<std::uint8_t>& Panorama::usable() const { return data_->usable; }
+const Image<std::uint8_t>& Panorama::mask() const { return data_->mask; }
 
 }  // namespace pmsp

@@ -20,7 +20,7 @@ struct PanoramaData {
   int width = 0;
   int height = 0;
   Image<Rgb> color;
-  Image<std::uint8_t> usable;  ///< empty without a mask
+  Image<std::uint8_t> mask;  ///< empty without a mask
   CubeMap gray;
   float noise = 0.0F;  ///< see image_noise
   CubeMap matchable;   ///< patch centres allowed in source views; empty without a mask

@@ -37,7 +37,7 @@ PlaneMap plane_map_of(const DepthMap& map, const Executor& executor) {
   pool_of(executor).for_each(height, [&](int y) {
     for (int x = 0; x < width; ++x) {
       if (!(map.depth(x, y) > 0.0F)) continue;
-      const kernels::Place<float> at = kernels::place_of(x, y, width);
+      const kernels::RowPixels<float> at = kernels::single_pixel(x, y, width);
       const auto plane =
           kernels::plane_from(1.0F / map.depth(x, y), to_vec3(map.normal(x, y)), kernels::bearing_at(grid.view(), at));
       put(to, static_cast<std::size_t>(at.first), 1, kernels::Hypothesis<float>{plane, map.confidence(x, y)});

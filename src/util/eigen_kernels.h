@@ -26,14 +26,14 @@ inline RigidTransform other_from_first(const KeyframePose& other, const Keyframe
 }
 
 /// Relative pose of two keyframes, for kernels.
-struct Relation {
+struct RelativePose {
   kernels::Rigid other_from_first;
   float scale_ratio;  ///< scale of `first` over that of `other`
 };
 /// `lens`: offset of the forward lens in front of the camera's centre [keyframe's unit].
-inline Relation relation(const KeyframePose& other, const KeyframePose& first, double lens = 0.0) {
+inline RelativePose relative_pose(const KeyframePose& other, const KeyframePose& first, double lens = 0.0) {
   const RigidTransform transform = other_from_first(other, first);
-  Relation result{to_rigid(transform), static_cast<float>(first.scale / other.scale)};
+  RelativePose result{to_rigid(transform), static_cast<float>(first.scale / other.scale)};
   for (int i = 0; i < 3; ++i)
     result.other_from_first.source_lens[i] = static_cast<float>(lens * transform.rotation(i, 2));
   result.other_from_first.target_lens = static_cast<float>(lens);

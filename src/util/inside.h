@@ -7,14 +7,14 @@ namespace pmsp {
 
 /// Access to implementations of public classes, for stages. They are complete if cpu/executor_impl.h or
 /// sphere/panorama_data.h is included.
-struct Inside {
+struct ImplAccess {
   static auto& of(const Executor& executor) { return *executor.impl_; }
   static const PanoramaData& of(const Panorama& panorama) { return *panorama.data_; }
 };
 
 template <class Public>
-decltype(auto) inside(const Public& object) {
-  return Inside::of(object);
+decltype(auto) impl_of(const Public& object) {
+  return ImplAccess::of(object);
 }
 
 class ThreadPool;

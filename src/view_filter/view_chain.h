@@ -17,12 +17,12 @@ namespace pmsp {
 /// that small moves do not change it.
 class ViewChain {
  public:
-  enum class Lean { kNone, kUse, kLeave };
+  enum class Preference { kNone, kUse, kReject };
 
   /// Decision by parallax.
   struct Verdict {
     KeyframeUse use = KeyframeUse::kDepthMap;
-    bool dispensable = false;  ///< overlap suffices without it, if it is blurred
+    bool redundant = false;  ///< overlap suffices without it, if it is blurred
   };
 
   explicit ViewChain(const ViewFilterOptions& options) : options_(options) {}
@@ -31,11 +31,11 @@ class ViewChain {
   void clear();
 
   /// An empty chain accepts any keyframe.
-  Verdict compare(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center, Lean lean = Lean::kNone) const;
+  Verdict compare(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center, Preference lean = Preference::kNone) const;
 
   /// Whether its median sharpness relative to the last keyframes is too low; the median tolerates a blurred one among
   /// them.
-  bool is_blurred(const std::vector<LandmarkSharpness>& sharpness, Lean lean = Lean::kNone) const;
+  bool is_blurred(const std::vector<LandmarkSharpness>& sharpness, Preference lean = Preference::kNone) const;
 
   /// Makes the keyframe the newest one. Without `add_sharpness` it is ignored by tests for blur.
   void add(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center);
@@ -50,6 +50,6 @@ class ViewChain {
 };
 
 /// Returns a threshold shifted in favour of the previous decision. `lower`: a lower threshold favours use.
-double leaning(double threshold, ViewChain::Lean lean, bool lower);
+double biased_threshold(double threshold, ViewChain::Preference lean, bool lower);
 
 }  // namespace pmsp

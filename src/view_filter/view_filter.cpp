@@ -86,7 +86,7 @@ bool ViewFilter::Impl::accept(const Keyframe& keyframe) {
   if (verdict.use != KeyframeUse::kDepthMap) return false;
   if (options.enabled && options.min_sharpness > 0.0 && !keyframe.image.empty()) {
     std::vector<LandmarkSharpness> sharpness = landmark_sharpness(keyframe, width > 0 ? width : keyframe.image.width);
-    blurred = verdict.dispensable && chain.is_blurred(sharpness);  // blurred keyframes are better than gaps
+    blurred = verdict.redundant && chain.is_blurred(sharpness);  // blurred keyframes are better than gaps
     if (blurred) return false;
     chain.add_sharpness(std::move(sharpness));
   }

@@ -153,12 +153,12 @@ class StepPlanner {
       it.reason = why;
       it.passes = due;
     };
-    const auto further = [&](const char* why, int passes, bool images_first) {
+    const auto further = [&](const char* why, int passes, bool photometric_first) {
       if (full < 3) return anew(why);
       it.reason = why;
       it.has_planes = true;
       it.passes = std::min(passes, full - 1);
-      it.images_first = images_first;
+      it.photometric_first = photometric_first;
     };
     const RecordedKeyframe* const before = recorded(entry.id);
     if (before == nullptr) return anew("new");
@@ -256,7 +256,7 @@ class StepPlanner {
 std::map<std::int64_t, PlaneReuse> Step::reuses(int passes) const {
   std::map<std::int64_t, PlaneReuse> result;
   for (const auto& [id, it] : keyframes) {
-    if (it.has_planes) result[id] = {PlaneReuse::Planes::kStart, it.passes, it.images_first};
+    if (it.has_planes) result[id] = {PlaneReuse::Planes::kStart, it.passes, it.photometric_first};
     if (!it.has_planes && it.passes <= passes) result[id] = {PlaneReuse::Planes::kNone, it.passes, false};
   }
   return result;

@@ -38,13 +38,13 @@ struct StepInputs {
 
 /// Work of a step on a keyframe with a depth map, with its reason.
 struct StepKeyframePlan {
-  KeyframePose pose;          ///< with the scale of the existing planes
-  bool has_planes = false;    ///< recorded ones are reused
-  int passes = 0;             ///< of PatchMatch; 0 = the planes are kept
-  bool images_first = false;  ///< see PlaneReuse
-  std::string reason;         ///< of matching; "" = planes are kept
-  std::string own;            ///< see RecordedPlanes
-  std::string planes_file;    ///< after the step
+  KeyframePose pose;               ///< with the scale of the existing planes
+  bool has_planes = false;         ///< recorded ones are reused
+  int passes = 0;                  ///< of PatchMatch; 0 = the planes are kept
+  bool photometric_first = false;  ///< see PlaneReuse
+  std::string reason;              ///< of matching; "" = planes are kept
+  std::string own;                 ///< see RecordedPlanes
+  std::string planes_file;         ///< after the step
   bool points_kept = false;
   std::string points_inputs;                  ///< see RecordedPoints
   std::vector<std::int64_t> required_planes;  ///< keyframes whose planes affect the points

@@ -54,7 +54,7 @@ DepthMap match(const synth::Mission& mission, std::size_t reference, const Match
   if (setup.start != nullptr) input.start = &start;
   const DepthMap found = depth_map_of(patchmatch(input, setup.options, setup.seed, executor), nullptr, executor);
   if (stats != nullptr) {
-    const std::vector<std::uint8_t>& usable = panoramas[0].usable().pixels();
+    const std::vector<std::uint8_t>& usable = panoramas[0].mask().pixels();
     const std::vector<float>& depths = found.depth.pixels();
     stats->pixels = static_cast<std::int64_t>(depths.size()) - std::count(usable.begin(), usable.end(), 0);
     stats->matched = std::count_if(depths.begin(), depths.end(), [](float depth) { return depth > 0.0F; });

@@ -11,10 +11,10 @@ PlaneImage image_of(const PlaneMap& planes) {
   return image;
 }
 
-DepthMap beside_at_depth(const DepthMap& map, double beside, float depth) {
+DepthMap beside_at_depth(const DepthMap& map, double wrapped_pixel, float depth) {
   DepthMap result = map;
   for (float& value : result.depth.pixels()) value = depth;
-  result.cam_from_world.translation -= result.cam_from_world.rotation * Eigen::Vector3d(beside, 0.0, 0.0);
+  result.cam_from_world.translation -= result.cam_from_world.rotation * Eigen::Vector3d(wrapped_pixel, 0.0, 0.0);
   return result;
 }
 

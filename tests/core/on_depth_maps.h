@@ -38,7 +38,7 @@ SurfelMap fuse_pixels(const std::vector<FusedDepth>& window, std::size_t current
                       const Executor& executor);
 
 /// `map` seen from a camera at this offset along its x axis, with everything at one depth.
-DepthMap beside_at_depth(const DepthMap& map, double beside, float depth);
+DepthMap beside_at_depth(const DepthMap& map, double wrapped_pixel, float depth);
 
 /// Sets normal and confidence to 0 where the depth is 0.
 void clear_where_no_depth(DepthMap& map);

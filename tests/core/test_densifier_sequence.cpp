@@ -443,15 +443,15 @@ TEST_CASE("duplicate removal over the whole mission delivers points at the end i
     options.advanced.patchmatch.geometric_passes = 0;  // each would make all results later, and so would wider windows
     options.advanced.consistency.window = options.advanced.fusion.window = 3;
     options.advanced.consistency.min_views = 2;
-    std::vector<std::int64_t> handed_out;
+    std::vector<std::int64_t> emitted;
     DensifierCallbacks callbacks;
-    callbacks.cloud = [&](const KeyframeCloud& cloud) { handed_out.push_back(cloud.keyframe_id); };
+    callbacks.cloud = [&](const KeyframeCloud& cloud) { emitted.push_back(cloud.keyframe_id); };
     Densifier densifier(options, callbacks);
     for (std::size_t i = 0; i < test_flight().frames.size(); ++i) densifier.add(synth::keyframe_of(test_flight(), i));
-    CHECK(handed_out.empty() == whole);
+    CHECK(emitted.empty() == whole);
     densifier.flush();
-    CHECK(handed_out.size() == static_cast<std::size_t>(densifier.stats().depth_maps));
-    CHECK(std::is_sorted(handed_out.begin(), handed_out.end()));
+    CHECK(emitted.size() == static_cast<std::size_t>(densifier.stats().depth_maps));
+    CHECK(std::is_sorted(emitted.begin(), emitted.end()));
     CHECK(densifier.stats().points <= densifier.stats().points_fused);
   }
 }

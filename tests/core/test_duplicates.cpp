@@ -332,11 +332,11 @@ TEST_CASE("a point lies on a surface by either of the two normals", "[ownership]
   };
   const V level{0.0F, 0.0F, -1.0F};
   const V slanted{0.6F, 0.0F, -0.8F};
-  const V beside{0.1F, 0.0F, 0.0F};
-  CHECK(stands(level, level, beside));
-  CHECK(stands(level, slanted, beside));
-  CHECK(stands(slanted, level, beside));
-  CHECK_FALSE(stands(slanted, slanted, beside));
+  const V wrapped_pixel{0.1F, 0.0F, 0.0F};
+  CHECK(stands(level, level, wrapped_pixel));
+  CHECK(stands(level, slanted, wrapped_pixel));
+  CHECK(stands(slanted, level, wrapped_pixel));
+  CHECK_FALSE(stands(slanted, slanted, wrapped_pixel));
   CHECK_FALSE(stands(level, level, {0.0F, 0.0F, 0.1F}));
 }
 

@@ -49,26 +49,26 @@ TEST_CASE("the texture threshold exceeds noise and strong texture is never taken
   CHECK(textured_variance(3.0F) > textured_variance(1.5F));
   CHECK(textured_variance(1000.0F) == textured_variance(50.0F));
   PatchMatchOptions options;
-  CHECK(patch_layout(options, 640, 0.0F).fine_variance == textured_variance(0.0F));
-  CHECK(patch_layout(options, 640, 2.0F).fine_variance == textured_variance(2.0F));
+  CHECK(patch_params(options, 640, 0.0F).fine_variance == textured_variance(0.0F));
+  CHECK(patch_params(options, 640, 2.0F).fine_variance == textured_variance(2.0F));
   options.fine_patch = 1.0;
-  CHECK(patch_layout(options, 640, 2.0F).fine_variance < 0.0F);
+  CHECK(patch_params(options, 640, 2.0F).fine_variance < 0.0F);
 }
 
 TEST_CASE("no two hypotheses of a pixel draw the same random numbers", "[patchmatch]") {
-  kernels::Matching<kernels::CubeView> matching{};
-  matching.limits = plane_limits({0.5, 50.0});
-  matching.random = patchmatch_key(1, 7);
-  matching.refinements = 4;
+  kernels::MatchArgs<kernels::CubeView> match_args{};
+  match_args.limits = plane_limits({0.5, 50.0});
+  match_args.random = patchmatch_key(1, 7);
+  match_args.refinements = 4;
   const kernels::Vec3<float> ahead{0.0F, 0.0F, 1.0F};
   const kernels::Hypothesis<float> best{{0.0F, 0.0F, 0.25F}, 0.5F};
   std::vector<std::array<float, 8>> drawn;  // of eight pixels, relative to the largest step in depth
   for (int iteration = 0; iteration < 8; ++iteration) {
-    for (int draw = 0; draw < matching.refinements; ++draw) {
+    for (int draw = 0; draw < match_args.refinements; ++draw) {
       const float step = 0.06F / static_cast<float>(1 << (std::min(iteration, 3) + draw));
       std::array<float, 8> steps{};
       for (std::uint32_t pixel = 0; pixel < 8; ++pixel) {
-        const auto plane = kernels::refined<float>(best, pixel, iteration, draw, ahead, matching);
+        const auto plane = kernels::refined<float>(best, pixel, iteration, draw, ahead, match_args);
         steps[pixel] = (plane.z / best.plane.z - 1.0F) / step;
         CHECK(std::abs(steps[pixel]) < 1.001F);
       }

@@ -54,15 +54,15 @@ TEST_CASE("Images of two sizes with separate masks make one cloud", "[densifier]
     REQUIRE(map.depth.width() == kFlightWidth);
     const bool is_small = map.keyframe_id % 2 == small.frames[0].id % 2;
     const int from = is_small ? 0 : 3 * kFlightWidth / 4;
-    int masked = 0, beside = 0;
+    int masked = 0, wrapped_pixel = 0;
     for (int y = 0; y < kFlightHeight; ++y) {
       for (int x = 0; x < kFlightWidth / 8; ++x) {
         masked += map.depth(from + x, y) > 0.0F;
-        beside += map.depth(from + kFlightWidth / 8 + x, y) > 0.0F;
+        wrapped_pixel += map.depth(from + kFlightWidth / 8 + x, y) > 0.0F;
       }
     }
     CHECK(masked == 0);
-    CHECK(beside > kFlightWidth / 8 * kFlightHeight / 2);
+    CHECK(wrapped_pixel > kFlightWidth / 8 * kFlightHeight / 2);
   }
   // As many and as accurate points as with one size.
   CHECK(static_cast<double>(mixed.points()) > 0.9 * static_cast<double>(of_one.points()));

@@ -78,7 +78,7 @@ std::vector<Documented> documented() {
   std::vector<Documented> fields;
   std::string prefix, before;
   bool inside = false, follows = false;
-  const std::regex kField(R"(^  (?:bool|int|double|Simd|Backend|std::\S+) (\w+) = [^;]*;(?:\s*///<(.*))?$)");
+  const std::regex kTile(R"(^  (?:bool|int|double|Simd|Backend|std::\S+) (\w+) = [^;]*;(?:\s*///<(.*))?$)");
   for (std::string line; std::getline(file, line);) {
     std::smatch match;
     if (line.rfind("struct ", 0) == 0) {
@@ -88,7 +88,7 @@ std::vector<Documented> documented() {
       }
     } else if (line.rfind("};", 0) == 0) {
       inside = false;
-    } else if (inside && std::regex_match(line, match, kField)) {
+    } else if (inside && std::regex_match(line, match, kTile)) {
       fields.push_back({prefix + match[1].str(), before + match[2].str()});
       before.clear();
       follows = match[2].matched;

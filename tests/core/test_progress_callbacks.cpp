@@ -28,7 +28,7 @@ TEST_CASE("finished and remaining work give the progress of a mission", "[densif
   double before = 0.0;
   std::size_t calls = 0;
   bool is_ordered = true;
-  callbacks.worked = [&] {
+  callbacks.progress = [&] {
     const DensifierStats& stats = worker->stats();
     is_ordered = is_ordered && stats.work_done >= before && stats.work_remaining >= -1e-9;
     before = stats.work_done;

@@ -43,7 +43,7 @@ class MemorySimulation {
     const Stage& stage = schedule_.stages()[s];
     if (next_[s] + std::min(plan_delay, stage.lookahead) >= come) return false;
     return std::all_of(stage.needs.begin(), stage.needs.end(),
-                       [&](const Stage::Need& need) { return next_[s] + need.ahead < next_[need.stage]; });
+                       [&](const Stage::Prerequisite& need) { return next_[s] + need.ahead < next_[need.stage]; });
   }
 
   /// While a stage works on its next keyframe.

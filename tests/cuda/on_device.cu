@@ -127,25 +127,25 @@ struct TextureSamples {
 template <class Cube>
 struct PatchScores {
   static constexpr int kValues = 2;
-  kernels::Matching<Cube> matching;
+  kernels::MatchArgs<Cube> match_args;
   int width, height;
   float depth;
   PMSP_HD void operator()(int i, float* out) const {
     constexpr float kTurn = static_cast<float>(2.0 * kernels::kPi);
     const float lon = ((static_cast<float>(i % width) + 0.5F) / static_cast<float>(width) - 0.5F) * kTurn;
     const float lat = (0.5F - (static_cast<float>(i / width) + 0.5F) / static_cast<float>(height)) * 0.5F * kTurn;
-    kernels::Visit<float> visit;
-    kernels::begin_visit(visit, matching, ::sinf(lon), ::cosf(lon), ::sinf(lat), ::cosf(lat));
-    out[0] = visit.patch.variance;
-    kernels::weigh_alike(visit.weights);
-    out[1] = kernels::plane_score(visit.patch, visit.frame, matching.views, matching.num_views,
-                                  (1.0F / depth) * visit.frame.bearing, matching.layout, visit.weights, false);
+    kernels::PixelContext<float> context;
+    kernels::load_context(context, match_args, ::sinf(lon), ::cosf(lon), ::sinf(lat), ::cosf(lat));
+    out[0] = context.patch.variance;
+    kernels::set_equal_weights(context.weights);
+    out[1] = kernels::plane_score(context.patch, context.frame, match_args.views, match_args.num_views,
+                                  (1.0F / depth) * context.frame.bearing, match_args.params, context.weights, false);
   }
 };
 
 template <class Cube>
 PatchScores<Cube> body_of(const Scoring<Cube>& scoring) {
-  return {scoring.matching, scoring.width, scoring.height, scoring.depth};
+  return {scoring.match_args, scoring.width, scoring.height, scoring.depth};
 }
 
 template <class Body>
@@ -195,10 +195,10 @@ Both patch_scores(const Scoring<kernels::CubeView>& scoring) {
     cube.quads = images.back().get();
   };
   Scoring<kernels::CubeView> device = scoring;
-  on_device_too(device.matching.reference);
-  for (int i = 0; i < device.matching.num_views; ++i) {
-    on_device_too(device.matching.views[i].image);
-    on_device_too(device.matching.views[i].usable);
+  on_device_too(device.match_args.reference);
+  for (int i = 0; i < device.match_args.num_views; ++i) {
+    on_device_too(device.match_args.views[i].image);
+    on_device_too(device.match_args.views[i].usable);
   }
   const int count = scoring.width * scoring.height;
   return {PatchScores<kernels::CubeView>::kValues, on_host(body_of(scoring), count), on_device(body_of(device), count)};

@@ -36,7 +36,7 @@ Both cube_samples(const kernels::CubeView& cube, std::size_t elements, int count
 /// A keyframe's matching, with the number of elements behind each of its images.
 template <class Cube>
 struct Scoring {
-  kernels::Matching<Cube> matching;
+  kernels::MatchArgs<Cube> match_args;
   std::size_t elements = 0;
   int width = 0, height = 0;
   float depth = 0.0F;  ///< of the planes that are scored; they face the camera

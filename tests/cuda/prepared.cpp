@@ -53,8 +53,8 @@ PreparedOnDevice prepare_on_device(ImageView<const Rgb> image, ImageView<const s
     const int size = cube_size_for(width);
     const cuda::DeviceArray<unsigned char> scratch(pixels);
     result.usable = std::make_unique<cuda::CubeTexture>(size, 8);
-    cuda::fill_usable_cube(color.get(), width, height, kPatchReachPx, scratch.get(), {size, result.usable->surface()},
-                           nullptr);
+    cuda::fill_matchable_cube(color.get(), width, height, kPatchReachPx, scratch.get(),
+                              {size, result.usable->surface()}, nullptr);
     PMSP_CUDA_CHECK(cudaDeviceSynchronize());
   }
   return result;

@@ -153,18 +153,18 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
   const cuda::DeviceArray<cuda::Counts> counts(1);
   PMSP_CUDA_CHECK(cudaMemset(counts.get(), 0, sizeof(cuda::Counts)));
   for (std::size_t k = 0; k < flight.size(); ++k) frames.push_back(uploaded_map(flight, k));
-  using Views = cuda::DeviceViews;
+  using ViewTypes = cuda::DeviceViewTypes;
   const auto filtered = [&](std::size_t k) {
     return kernels::FilteredMap<cuda::DevicePlanes>{
         {frames[k].planes.get(), width, height}, frames[k].confidence.get(), width, height};
   };
-  const auto from = [&](std::size_t k, std::size_t i) { return relation(flight.poses[k], flight.poses[i]); };
+  const auto from = [&](std::size_t k, std::size_t i) { return relative_pose(flight.poses[k], flight.poses[i]); };
   for (std::size_t i = 0; i < flight.size(); ++i) {
     const auto view = [&](std::size_t k) {
-      return kernels::FusionView<Views>{filtered(k), frames[k].color.get(), from(k, i).other_from_first,
-                                        from(k, i).scale_ratio};
+      return kernels::FusionView<ViewTypes>{filtered(k), frames[k].color.get(), from(k, i).other_from_first,
+                                            from(k, i).scale_ratio};
     };
-    kernels::FusePixels<Views> fuse{};
+    kernels::FusePixels<ViewTypes> fuse{};
     fuse.grid = grid.view();
     fuse.first = view(i);
     for (std::size_t k = 0; k < flight.size(); ++k) {
@@ -175,11 +175,11 @@ std::vector<DeviceResult> on_device(const Flight& flight) {
                static_cast<int>(kAgreeBytes)};
     cuda::launch(fuse, counts.get(), nullptr);
     cuda::launch(
-        kernels::FindRanges<Views>{filtered(i), grid.view(), frames[i].nearest.get(), frames[i].farthest.get()},
+        kernels::FindRanges<ViewTypes>{filtered(i), grid.view(), frames[i].nearest.get(), frames[i].farthest.get()},
         nullptr, nullptr);
   }
   for (std::size_t i = 0; i < flight.size(); ++i) {
-    kernels::Eligibility judge{};
+    kernels::FreeSpaceTest judge{};
     judge.surfels = frames[i].surfels.get();
     judge.details = frames[i].details.get();
     judge.grid = grid.view();

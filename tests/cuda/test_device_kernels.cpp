@@ -46,7 +46,7 @@ struct Match {
   Scoring<Cube> scoring(const Image& image_of) const {
     const Cube reference = image_of(1);
     Scoring<Cube> scoring;
-    scoring.matching = make_matching<Cube>(reference, 0.0F, PatchMatchOptions{}, mission.width, {0.5, 8.0}, 1, 1);
+    scoring.matching = make_match_args<Cube>(reference, 0.0F, PatchMatchOptions{}, mission.width, {0.5, 8.0}, 1, 1);
     const RigidTransform world_from_ref = mission.frames[1].cam_from_world.inverse();
     for (const std::size_t i : {std::size_t{0}, std::size_t{2}}) {
       auto& view = scoring.matching.views[scoring.matching.num_views++];

@@ -59,7 +59,7 @@ TEST_CASE("mirror images on the device equal those of the host", "[cuda][mirrors
   std::vector<PosedRangeMap> viewers;
   std::vector<cuda::DeviceArray<float>> depths;
   std::vector<kernels::Rigid> from_viewers;
-  kernels::Eligibility stage{};
+  kernels::FreeSpaceTest stage{};
   stage.surfels = surfels.get();
   stage.details = details.get();
   stage.grid = grid.view();
@@ -71,12 +71,12 @@ TEST_CASE("mirror images on the device equal those of the host", "[cuda][mirrors
     viewers.push_back({&ranges, {ranges.cam_from_world}});
     depths.push_back(uploaded(ranges.nearest.pixels()));
     depths.push_back(uploaded(ranges.farthest.pixels()));
-    const Relation to = relation(viewers.back().pose, pose);
+    const RelativePose to = relative_pose(viewers.back().pose, pose);
     stage.viewers[stage.count++] = {
         {depths[depths.size() - 2].get(), depths.back().get(), room.width / 2, room.height / 2},
         to.other_from_first,
         to.scale_ratio};
-    from_viewers.push_back(relation(pose, viewers.back().pose).other_from_first);
+    from_viewers.push_back(relative_pose(pose, viewers.back().pose).other_from_first);
   }
   const Plain on{grid.view()};
   const Mirrors mirrors = find_mirrors(on, from_viewers, stage);

@@ -65,23 +65,23 @@ inline kernels::PatchFrame<double> frame_at(double x, double y, int width, int h
           spacing * kernels::tangent_down(std::sin(lon), std::cos(lon), std::sin(lat), std::cos(lat))};
 }
 
-/// The patches that PatchMatchOptions' defaults stand for. The only place in these tests that knows PatchLayout's
+/// The patches that PatchMatchOptions' defaults stand for. The only place in these tests that knows PatchParams's
 /// fields.
-inline kernels::PatchLayout patch_layout(int width) {
+inline kernels::PatchParams patch_params(int width) {
   constexpr double kSpacingPx = 2.0;
   constexpr double kSigmaColor = 50.0;
   constexpr double kSigmaSpacePx = 5.0;
-  kernels::PatchLayout layout{};
-  layout.spacing = static_cast<float>(std::tan(kSpacingPx * 2.0 * kPi / width));
-  layout.min_sigma_color = layout.max_sigma_color = static_cast<float>(kSigmaColor);
-  layout.min_variance = 1.0F;
+  kernels::PatchParams params{};
+  params.spacing = static_cast<float>(std::tan(kSpacingPx * 2.0 * kPi / width));
+  params.min_sigma_color = params.max_sigma_color = static_cast<float>(kSigmaColor);
+  params.min_variance = 1.0F;
   for (int k = 0; k < kernels::kPatchSamples; ++k) {
     const double dx = kSpacingPx * kernels::patch_offset(k % kernels::kPatchSide);
     const double dy = kSpacingPx * kernels::patch_offset(k / kernels::kPatchSide);
-    layout.space_weight[k] = static_cast<float>(std::exp(-0.5 * (dx * dx + dy * dy) / (kSigmaSpacePx * kSigmaSpacePx)));
-    layout.fine_space_weight[k] = layout.space_weight[k];
+    params.space_weight[k] = static_cast<float>(std::exp(-0.5 * (dx * dx + dy * dy) / (kSigmaSpacePx * kSigmaSpacePx)));
+    params.fine_space_weight[k] = params.space_weight[k];
   }
-  return layout;
+  return params;
 }
 
 }  // namespace pmsp::test

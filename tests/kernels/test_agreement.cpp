@@ -200,10 +200,10 @@ TEST_CASE("expected error: grows with spread, roughness and missing maps, falls 
   CHECK(error(0.003, 0.3, 0.003, 4.0) > 0.6 * 0.003);   // maps that differ so much are off by about as much
   CHECK(std::isfinite(error(0.0, 0.0, 0.0, 0.0)));
   CHECK(error(0.0, 0.0, 0.0, 0.0) > usual);
-  CHECK(k::with_pose_error(usual, 4.0 * 0.25, 4.0, 0.0F) == Approx(usual));
-  CHECK(k::with_pose_error(0.003, 4.0 * 0.5, 4.0, 0.002F) == Approx(0.005));  // of two keyframes: 0.004
-  CHECK(k::with_pose_error(usual, 0.0, 0.0, 1.0F) == Approx(usual));          // no view agrees
-  CHECK(std::isfinite(k::with_pose_error(usual, 0.0, 4.0, 1.0F)));
+  CHECK(k::add_pose_error(usual, 4.0 * 0.25, 4.0, 0.0F) == Approx(usual));
+  CHECK(k::add_pose_error(0.003, 4.0 * 0.5, 4.0, 0.002F) == Approx(0.005));  // of two keyframes: 0.004
+  CHECK(k::add_pose_error(usual, 0.0, 0.0, 1.0F) == Approx(usual));          // no view agrees
+  CHECK(std::isfinite(k::add_pose_error(usual, 0.0, 4.0, 1.0F)));
   CHECK(k::confidence_of_error(0.0) == Approx(1.0));
   CHECK(k::confidence_of_error(0.005) == Approx(0.5));
 }

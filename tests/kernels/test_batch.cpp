@@ -159,23 +159,23 @@ CubeMap noise() {
 struct Scored {
   template <class F>
   Vec3<F> operator()(const Vec3<F>& bearing, const k::UIntOf<F>& number) const {
-    const F spacing(layout.spacing);
+    const F spacing(params.spacing);
     const Vec3<F> aside = k::normalized(k::cross(bearing, Vec3<F>{F(0.6F), F(0), F(0.8F)}));
     const k::PatchFrame<F> frame{bearing, spacing * aside, spacing * k::cross(bearing, aside)};
     k::ReferencePatch<F> patch;
-    k::take_patch(patch, image, frame, layout, bearing.x > F(0));
+    k::load_patch(patch, image, frame, params, bearing.x > F(0));
     const Vec3<F> plane = RandomPlane()(bearing, number);
     const k::SourceView<k::CubeView> views[] = {view, view, view};
     k::ViewWeights<F> weights;
-    k::weigh_alike(weights);
-    const F own = k::plane_score(patch, frame, views, 3, F(1.1F) * plane, layout, weights, true);
+    k::set_equal_weights(weights);
+    const F own = k::plane_score(patch, frame, views, 3, F(1.1F) * plane, params, weights, true);
     return {patch.variance + own, patch.weight(7) + weights.of[1],
-            k::plane_score(patch, frame, views, 3, plane, layout, weights, false)};
+            k::plane_score(patch, frame, views, 3, plane, params, weights, false)};
   }
 
   k::CubeView image;
   k::SourceView<k::CubeView> view;
-  k::PatchLayout layout;
+  k::PatchParams params;
 };
 
 }  // namespace
@@ -191,10 +191,10 @@ TEST_CASE("batches give the bits of floats: random planes and steps", "[simd]") 
 
 TEST_CASE("batches give the bits of floats: patches and their scores", "[simd]") {
   const CubeMap image = noise();
-  Scored scored{image.view(), {}, test::patch_layout(160)};
-  scored.layout.min_sigma_color = 10.0F;
-  scored.layout.disagreement_cost = 0.3F;
-  scored.layout.disagreement_tolerance = 0.02F;
+  Scored scored{image.view(), {}, test::patch_params(160)};
+  scored.params.min_sigma_color = 10.0F;
+  scored.params.disagreement_cost = 0.3F;
+  scored.params.disagreement_tolerance = 0.02F;
   const std::vector<float> x(160 * 80, 0.1F);
   const std::vector<float> y(160 * 80, -0.3F);
   const std::vector<float> z(160 * 80, 0.5F);

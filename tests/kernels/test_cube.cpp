@@ -108,7 +108,7 @@ MarginCounts count_margin(const IsMasked& is_masked) {
       masked.push_back(frame_at(x + 0.5, y + 0.5, kMaskWidth, kMaskHeight).bearing);
     }
   }
-  const CubeMap map = make_usable_cube(usable, cube_size_for(kMaskWidth), 3.0, pool);
+  const CubeMap map = make_matchable_cube(usable, cube_size_for(kMaskWidth), 3.0, pool);
   const k::CubeView cube = map.view();
   MarginCounts counts;
   Draws draws(10);
@@ -305,7 +305,7 @@ TEST_CASE("an empty cube map has a view without quads: usable everywhere") {
 
 TEST_CASE("images are matched at their own width up to the limit and in the depth map's aspect ratio") {
   const auto size = [](int image_width, int width, int height, double scale) {
-    const ImageSize found = compared_size(image_width, width, height, scale);
+    const ImageSize found = matching_size(image_width, width, height, scale);
     return std::pair(found.width, found.height);
   };
   CHECK(size(1920, 640, 320, 2.0) == std::pair(1280, 640));

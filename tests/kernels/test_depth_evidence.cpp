@@ -81,9 +81,9 @@ TEST_CASE("beside an edge the depth of the edge is known, not that of the pixel"
   const auto on = evidence(upright, 0.0, 0.2, sideways);
   for (const double pixels : {-2.0, -1.0, 1.0, 2.0}) {
     CAPTURE(pixels);
-    const auto beside = evidence(upright, pixels * step, 0.2, sideways);
-    CHECK(beside.certainty < 0.6F * on.certainty);
-    CHECK(longitude(beside.best) == Approx(0.0).margin(0.25 * step));
+    const auto wrapped_pixel = evidence(upright, pixels * step, 0.2, sideways);
+    CHECK(wrapped_pixel.certainty < 0.6F * on.certainty);
+    CHECK(longitude(wrapped_pixel.best) == Approx(0.0).margin(0.25 * step));
   }
 }
 

@@ -46,7 +46,7 @@ TEST_CASE("tables: bearings of pixel centres") {
     for (int y = 0; y < grid.height(); ++y) {
       for (int x = 0; x < grid.width(); ++x) {
         const Vec3<double> truth = frame_at(x + 0.5, y + 0.5, size.first, size.second).bearing;
-        const auto bearing = k::bearing_at(tables, k::place_of(x, y, grid.width()));
+        const auto bearing = k::bearing_at(tables, k::single_pixel(x, y, grid.width()));
         REQUIRE(test::length(test::cast<double>(bearing) - truth) < 2e-7);
       }
     }
@@ -56,7 +56,7 @@ TEST_CASE("tables: bearings of pixel centres") {
 TEST_CASE("pixels beside another one: around the seam, and over the poles on the opposite meridian") {
   const SphereGrid grid(16, 8);
   const auto index = [&](int x, int y, int dx, int dy) {
-    return k::index_beside(grid.view(), k::place_of(x, y, 16), dx, dy);
+    return k::wrapped_index(grid.view(), k::single_pixel(x, y, 16), dx, dy);
   };
   CHECK(index(3, 4, 2, -3) == 1 * 16 + 5);
   CHECK(index(15, 4, 3, 0) == 4 * 16 + 2);

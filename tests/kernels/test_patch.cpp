@@ -57,7 +57,7 @@ struct Sample {
 /// A room with strong texture seen from three poses; the middle one is the reference.
 class Room {
  public:
-  Room() : layout(test::patch_layout(kWidth)) {
+  Room() : params(test::patch_params(kWidth)) {
     synth::Recipe recipe;
     recipe.keyframes = 3;
     recipe.mission.render.samples = 2;
@@ -79,7 +79,7 @@ class Room {
   }
   k::CubeView reference() const { return cubes[1].view(); }
 
-  k::PatchLayout layout;
+  k::PatchParams params;
   std::unique_ptr<synth::Mission> mission;
   std::vector<Image<float>> grays;
   std::vector<CubeMap> cubes;
@@ -105,7 +105,7 @@ class Room {
     for (int i = 0; i < 20000 && samples.size() < 600; ++i) {
       const int x = draws.below(kWidth);
       const int y = draws.below(kHeight);
-      const k::PatchFrame<double> at = frame_at(x + 0.5, y + 0.5, kWidth, kHeight, layout.spacing);
+      const k::PatchFrame<double> at = frame_at(x + 0.5, y + 0.5, kWidth, kHeight, params.spacing);
       const Eigen::Vector3f n = frame.normal(x, y);
       const Vec3<double> normal{n.x(), n.y(), n.z()};
       const double depth = frame.depth(x, y);
@@ -130,23 +130,23 @@ k::PatchFrame<F> frame_cast(const k::PatchFrame<double>& frame) {
 template <class F>
 k::ViewWeights<F> alike() {
   k::ViewWeights<F> weights;
-  k::weigh_alike(weights);
+  k::set_equal_weights(weights);
   return weights;
 }
 
 template <class F>
-F score(const k::CubeView& reference, const k::PatchLayout& layout, const Sample& sample,
+F score(const k::CubeView& reference, const k::PatchParams& params, const Sample& sample,
         const std::vector<Source>& views, double depth_factor = 1.0) {
   const k::PatchFrame<F> frame = frame_cast<F>(sample.frame);
   k::ReferencePatch<F> patch;
-  k::take_patch(patch, reference, frame, layout, false);
+  k::load_patch(patch, reference, frame, params, false);
   k::ViewWeights<F> weights = alike<F>();
   return k::plane_score(patch, frame, views.data(), static_cast<int>(views.size()),
-                        cast<F>((1.0 / depth_factor) * sample.plane), layout, weights, false);
+                        cast<F>((1.0 / depth_factor) * sample.plane), params, weights, false);
 }
 
 float score(const Sample& sample, const std::vector<Source>& views, double depth_factor = 1.0) {
-  return score<float>(room().reference(), room().layout, sample, views, depth_factor);
+  return score<float>(room().reference(), room().params, sample, views, depth_factor);
 }
 
 double median(std::vector<double> values) {
@@ -168,15 +168,15 @@ double best_factor(const Sample& sample, const std::vector<Source>& views) {
   return best;
 }
 
-double sigma(const k::ReferencePatch<double>& patch, const k::PatchLayout& layout, bool fine = false) {
-  return k::sigma_color<double>(patch, layout, fine ? k::kFineSigmaPerSpread : k::kSigmaPerSpread);
+double sigma(const k::ReferencePatch<double>& patch, const k::PatchParams& params, bool fine = false) {
+  return k::sigma_color<double>(patch, params, fine ? k::kFineSigmaPerSpread : k::kSigmaPerSpread);
 }
 
-k::PatchLayout checking_layout() {
-  k::PatchLayout layout = room().layout;
-  layout.disagreement_cost = 0.5F;
-  layout.disagreement_tolerance = 0.1F;
-  return layout;
+k::PatchParams checking_layout() {
+  k::PatchParams params = room().params;
+  params.disagreement_cost = 0.5F;
+  params.disagreement_tolerance = 0.1F;
+  return params;
 }
 
 /// A frame's own depth map, as it truly is, or `nearer` times as far away.
@@ -261,8 +261,8 @@ TEST_CASE("score: without texture in reference or source view or both it is smal
     const CubeMap plain = cube_of(Image<float>(kWidth, kHeight, level));
     for (std::size_t i = 0; i < 100; ++i) {
       const Sample& sample = room().samples[i];
-      const float both = score<float>(plain.view(), room().layout, sample, {room().view(2, plain)});
-      const float reference = score<float>(plain.view(), room().layout, sample, {room().view(2)});
+      const float both = score<float>(plain.view(), room().params, sample, {room().view(2, plain)});
+      const float reference = score<float>(plain.view(), room().params, sample, {room().view(2)});
       const float neighbour = score(sample, {room().view(2, plain)});
       REQUIRE(std::fabs(both) < 0.05F);
       REQUIRE(std::fabs(reference) < 0.05F);
@@ -281,7 +281,7 @@ TEST_CASE("score: a nearly uniform patch scores far lower than the same patch wi
   const CubeMap neighbour = cube_of(faint[1]);
   std::vector<double> scores;
   for (const Sample& sample : room().samples) {
-    scores.push_back(score<float>(reference.view(), room().layout, sample, {room().view(2, neighbour)}));
+    scores.push_back(score<float>(reference.view(), room().params, sample, {room().view(2, neighbour)}));
   }
   CHECK(median(scores) < 0.5);
 }
@@ -336,8 +336,8 @@ TEST_CASE("score: one unrelated source view lowers it but does not change the be
 
 TEST_CASE("score: a masked source view gives exactly -1") {
   ThreadPool pool(0);
-  const CubeMap none = make_usable_cube(Image<std::uint8_t>(kWidth, kHeight, 0), cube_size_for(kWidth), 3.0, pool);
-  const CubeMap all = make_usable_cube(Image<std::uint8_t>(kWidth, kHeight, 255), cube_size_for(kWidth), 3.0, pool);
+  const CubeMap none = make_matchable_cube(Image<std::uint8_t>(kWidth, kHeight, 0), cube_size_for(kWidth), 3.0, pool);
+  const CubeMap all = make_matchable_cube(Image<std::uint8_t>(kWidth, kHeight, 255), cube_size_for(kWidth), 3.0, pool);
   for (std::size_t i = 0; i < 100; ++i) {
     const Sample& sample = room().samples[i];
     Source view = room().view(2);
@@ -353,7 +353,7 @@ TEST_CASE("reference patch: weights sum to 1, contrast is centred and has unit v
   for (std::size_t i = 0; i < 200; ++i) {
     const k::PatchFrame<float> frame = frame_cast<float>(room().samples[i].frame);
     k::ReferencePatch<float> patch;
-    k::take_patch(patch, room().reference(), frame, room().layout, false);
+    k::load_patch(patch, room().reference(), frame, room().params, false);
     double weights = 0.0;
     double sum = 0.0;
     double square = 0.0;
@@ -366,7 +366,7 @@ TEST_CASE("reference patch: weights sum to 1, contrast is centred and has unit v
     REQUIRE(weights == Approx(1.0).epsilon(1e-5));
     REQUIRE(std::fabs(sum) < 1e-4);
     const double variance = patch.variance;
-    REQUIRE(square == Approx(variance / (variance + room().layout.min_variance)).epsilon(1e-3));
+    REQUIRE(square == Approx(variance / (variance + room().params.min_variance)).epsilon(1e-3));
   }
 }
 
@@ -376,8 +376,8 @@ TEST_CASE("score in float and in double agree") {
   Draws draws(12);
   for (const Sample& sample : room().samples) {
     const double factor = draws.uniform(0.7, 1.4);
-    const double in_float = score<float>(room().reference(), room().layout, sample, views, factor);
-    const double in_double = score<double>(room().reference(), room().layout, sample, views, factor);
+    const double in_float = score<float>(room().reference(), room().params, sample, views, factor);
+    const double in_double = score<double>(room().reference(), room().params, sample, views, factor);
     worst = std::max(worst, std::fabs(in_float - in_double));
   }
   INFO("worst " << worst);
@@ -385,9 +385,9 @@ TEST_CASE("score in float and in double agree") {
 }
 
 TEST_CASE("bilateral weights: pixels beyond a silhouette have no weight and texture keeps its weight") {
-  k::PatchLayout layout = room().layout;
-  layout.min_sigma_color = 4.0F;
-  layout.max_sigma_color = 20.0F;
+  k::PatchParams params = room().params;
+  params.min_sigma_color = 4.0F;
+  params.max_sigma_color = 20.0F;
   Draws draws(21);
   k::ReferencePatch<double> smooth;
   k::ReferencePatch<double> textured;
@@ -395,19 +395,19 @@ TEST_CASE("bilateral weights: pixels beyond a silhouette have no weight and text
     smooth.put(i, 0.0, draws.uniform(-1.0, 1.0) + (i % k::kPatchSide >= 4 ? 60.0 : 0.0));
     textured.put(i, 0.0, draws.uniform(-40.0, 40.0));
   }
-  CHECK(sigma(smooth, layout) == Approx(4.0));
-  CHECK(sigma(textured, layout) == Approx(20.0));
+  CHECK(sigma(smooth, params) == Approx(4.0));
+  CHECK(sigma(textured, params) == Approx(20.0));
   for (double& value : smooth.contrasts) value *= 3.0;  // in between it grows with the spread
-  CHECK(sigma(smooth, layout) > 4.5);
-  CHECK(sigma(smooth, layout) < 15.0);
-  CHECK(sigma(smooth, layout, true) < 0.7 * sigma(smooth, layout));
-  layout.min_sigma_color = 20.0F;
-  CHECK(sigma(smooth, layout) == Approx(20.0));
+  CHECK(sigma(smooth, params) > 4.5);
+  CHECK(sigma(smooth, params) < 15.0);
+  CHECK(sigma(smooth, params, true) < 0.7 * sigma(smooth, params));
+  params.min_sigma_color = 20.0F;
+  CHECK(sigma(smooth, params) == Approx(20.0));
 }
 
 TEST_CASE("geometric consistency: the score decreases by the difference to a source view's depth map") {
   const Room& scene = room();
-  const k::PatchLayout layout = checking_layout();
+  const k::PatchParams params = checking_layout();
   const TrueSurface surface(scene.mission->frames[2]);
   const Source without = scene.view(2);
   Source with = without;
@@ -415,11 +415,11 @@ TEST_CASE("geometric consistency: the score decreases by the difference to a sou
   int agreed = 0;
   for (const Sample& sample : scene.samples) {
     k::ReferencePatch<double> patch;
-    k::take_patch(patch, scene.reference(), sample.frame, layout, true);
+    k::load_patch(patch, scene.reference(), sample.frame, params, true);
     const auto lost = [&](double factor) {
       const Vec3<double> plane = factor * sample.plane;
-      return k::view_result(patch, sample.frame, without, plane, layout).score -
-             k::view_result(patch, sample.frame, with, plane, layout).score;
+      return k::view_result(patch, sample.frame, without, plane, params).score -
+             k::view_result(patch, sample.frame, with, plane, params).score;
     };
     REQUIRE(lost(1.0) >= 0.0);
     agreed += lost(1.0) < 0.01 ? 1 : 0;
@@ -430,7 +430,7 @@ TEST_CASE("geometric consistency: the score decreases by the difference to a sou
 
 TEST_CASE("a source view that sees the plane occluded has no weight") {
   const Room& scene = room();
-  const k::PatchLayout layout = checking_layout();
+  const k::PatchParams params = checking_layout();
   const TrueSurface before(scene.mission->frames[0]);
   const TrueSurface after(scene.mission->frames[2]);
   const TrueSurface in_front(scene.mission->frames[2], 0.7);  // a thing between that neighbour and all that it sees
@@ -442,11 +442,11 @@ TEST_CASE("a source view that sees the plane occluded has no weight") {
   for (const Sample& sample : scene.samples) {
     const auto found = [&](const k::PlaneMapView& first, const k::PlaneMapView& second, bool fine) {
       k::ReferencePatch<double> patch;
-      k::take_patch(patch, scene.reference(), sample.frame, layout, fine);
+      k::load_patch(patch, scene.reference(), sample.frame, params, fine);
       views[0].surface = first;
       views[1].surface = second;
       k::ViewWeights<double> weights = alike<double>();
-      return k::plane_score(patch, sample.frame, views, 2, sample.plane, layout, weights, false);
+      return k::plane_score(patch, sample.frame, views, 2, sample.plane, params, weights, false);
     };
     clear += found(before.view(), after.view(), true);
     hidden += found(before.view(), in_front.view(), true);
@@ -467,10 +467,10 @@ TEST_CASE("a source view with a low score for the pixel's plane has little weigh
   int unheard = 0;
   for (const Sample& sample : scene.samples) {
     k::ReferencePatch<double> patch;
-    k::take_patch(patch, scene.reference(), sample.frame, scene.layout, false);
+    k::load_patch(patch, scene.reference(), sample.frame, scene.params, false);
     k::ViewWeights<double> weights = alike<double>();
     const auto scored = [&](double factor, bool weigh) {
-      return k::plane_score(patch, sample.frame, views, 3, factor * sample.plane, scene.layout, weights, weigh);
+      return k::plane_score(patch, sample.frame, views, 3, factor * sample.plane, scene.params, weights, weigh);
     };
     const double before = scored(1.01, false);
     const double own = scored(1.0, true);
@@ -489,11 +489,11 @@ TEST_CASE("two source views have equal weight and none is lost where all scores 
   const Sample& sample = scene.samples.front();
   k::ReferencePatch<float> patch;
   const k::PatchFrame<float> frame = frame_cast<float>(sample.frame);
-  k::take_patch(patch, scene.reference(), frame, scene.layout, false);
+  k::load_patch(patch, scene.reference(), frame, scene.params, false);
   for (const int count : {2, 3}) {
     k::ViewWeights<float> weights = alike<float>();
     const float own =
-        k::plane_score(patch, frame, views, count, cast<float>(sample.plane), scene.layout, weights, true);
+        k::plane_score(patch, frame, views, count, cast<float>(sample.plane), scene.params, weights, true);
     INFO(count << " views, score " << own);
     CHECK(std::fabs(own) < 0.9F);  // a number
     CHECK((weights.of[0] == 1.0F) == (count == 2));

@@ -37,7 +37,7 @@ k::NearestSupports around_ahead(const std::function<float(int)>& distance) {
 
 /// Multiplies a support's distance.
 void move(k::NearestSupports& around, int d, float factor) {
-  around.put(d, factor * around.point(d), around.errors[d], around.tightness[d]);
+  around.put(d, factor * around.point(d), around.errors[d], around.inverse_tolerance[d]);
 }
 
 /// Distance of the better one of two walls.
@@ -47,8 +47,8 @@ float better_wall(float one, float other, const k::NearestSupports& around) {
   return best.supports > 0 ? 1.0F / best.plane.z : 0.0F;
 }
 
-k::PriorCells<k::HostViews> cells_with(int columns, int rows, std::vector<k::NearestSupports>& around) {
-  k::PriorCells<k::HostViews> cells{};
+k::PriorCells<k::HostViewTypes> cells_with(int columns, int rows, std::vector<k::NearestSupports>& around) {
+  k::PriorCells<k::HostViewTypes> cells{};
   cells.limits = kLimits;
   cells.columns = columns;
   cells.rows = rows;
@@ -97,7 +97,7 @@ TEST_CASE("plane priors: a cell takes the plane of another cell with more inlier
   std::vector<k::NearestSupports> around(kColumns * kRows);
   std::vector<k::PriorPlane> before(kColumns * kRows, {{0.0F, 0.0F, 0.0F}, 0, 16.0F});
   std::vector<k::PriorPlane> found = before;
-  k::PriorCells<k::HostViews> cells = cells_with(kColumns, kRows, around);
+  k::PriorCells<k::HostViewTypes> cells = cells_with(kColumns, kRows, around);
   cells.before = before.data();
   cells.found = found.data();
   cells.shares = GENERATE(1, 4, 16);
@@ -110,7 +110,7 @@ TEST_CASE("plane priors: a cell takes the plane of another cell with more inlier
   const auto at = [](int column, int row) { return static_cast<std::size_t>(row * kColumns + column); };
   for (const bool backward : {false, true}) {
     const int column = backward ? 0 : 4;
-    const int beside = backward ? 7 : 3;
+    const int wrapped_pixel = backward ? 7 : 3;
     const float sign = backward ? -1.0F : 1.0F;
     CAPTURE(backward);
     k::NearestSupports& own = around[at(column, 2)];
@@ -118,7 +118,7 @@ TEST_CASE("plane priors: a cell takes the plane of another cell with more inlier
     for (float& z : own.z) z *= sign;
     for (const int stride : {1, 2}) {
       cells.stride = stride;
-      const int from = backward && stride == 2 ? 6 : beside + 1 - stride;
+      const int from = backward && stride == 2 ? 6 : wrapped_pixel + 1 - stride;
       before[at(column, 2)] = {{0.0F, 0.0F, 0.0F}, 0, 16.0F};
       before[at(from, 2)] = {{0.0F, 0.0F, sign / 4.05F}, 9, 3.0F};
       choose(column, 2);
@@ -137,7 +137,7 @@ TEST_CASE("plane priors: the best plane through three supports is found for any 
       around_ahead([](int d) { return 3.0F + 0.02F * static_cast<float>(d * 7 % 16); })};
   for (int d = 9; d < 15; ++d) move(around[0], d, 4.0F / around[0].z[d]);
   unsigned char uncertain = 1;
-  k::PriorCells<k::HostViews> cells = cells_with(1, 1, around);
+  k::PriorCells<k::HostViewTypes> cells = cells_with(1, 1, around);
   cells.uncertain = &uncertain;
   k::PriorPlane best = k::no_plane();  // by trying all
   const Vec3<float> center = k::cell_bearing(0, 0, 1, 1);
@@ -172,16 +172,16 @@ TEST_CASE("plane priors: given planes are corrected by the supports around unles
   constexpr std::size_t kCell = kRow * kColumns + kColumn;
   std::vector<k::NearestSupports> around(kColumns * kRows);
   std::vector<Vec3<float>> external(kColumns * kRows);
-  k::PriorCells<k::HostViews> cells = cells_with(kColumns, kRows, around);
+  k::PriorCells<k::HostViewTypes> cells = cells_with(kColumns, kRows, around);
   cells.external = external.data();
   around[kCell] = around_ahead([](int) { return 4.0F; });
   const auto give = [&](const Vec3<float>& plane) { std::fill(external.begin(), external.end(), plane); };
 
   give(wall(2.5F));  // the whole image is in another unit
-  CHECK(k::corrected_external(cells, kColumn, kRow).z == Approx(0.25F).epsilon(1e-3));
+  CHECK(k::corrected_prior_depth(cells, kColumn, kRow).z == Approx(0.25F).epsilon(1e-3));
 
   give({0.02F, 0.0F, 0.25F});  // turned by some degrees
-  const Vec3<float> turned_back = k::corrected_external(cells, kColumn, kRow);
+  const Vec3<float> turned_back = k::corrected_prior_depth(cells, kColumn, kRow);
   CHECK(std::abs(turned_back.x) < 0.007F);
   CHECK(turned_back.z == Approx(0.25F).epsilon(0.01));
   // The plane that lies on the supports, where there are enough of them.
@@ -200,18 +200,18 @@ TEST_CASE("plane priors: given planes are corrected by the supports around unles
     const float distance = d % 3 == 0 ? 4.0F : d % 3 == 1 ? 2.8F : 6.0F;
     external[static_cast<std::size_t>(k::pixel_index(support, kColumns, kRows))] = wall(distance);
   }
-  CHECK_FALSE(k::is_point(k::corrected_external(cells, kColumn, kRow)));
+  CHECK_FALSE(k::is_point(k::corrected_prior_depth(cells, kColumn, kRow)));
 
   give(wall(4.0F));
   external[kCell] = {0.0F, 0.0F, 0.0F};
-  CHECK_FALSE(k::is_point(k::corrected_external(cells, kColumn, kRow)));
+  CHECK_FALSE(k::is_point(k::corrected_prior_depth(cells, kColumn, kRow)));
 }
 
 TEST_CASE("plane priors: a plane that agrees with a given one is fitted to all supports near it") {
   constexpr int kColumns = 64;
   constexpr int kRows = 32;
   std::vector<k::NearestSupports> around(kColumns * kRows);
-  const k::PriorCells<k::HostViews> cells = cells_with(kColumns, kRows, around);
+  const k::PriorCells<k::HostViewTypes> cells = cells_with(kColumns, kRows, around);
   around[16 * kColumns + 32] = around_ahead([](int d) { return d % 4 == 0 ? 4.06F : 4.0F; });
   const Vec3<float> plane = k::agreeing_plane(cells, 32, 16, wall(4.1F));
   CHECK(1.0F / plane.z > 4.001F);  // twelve of them lie on 4 exactly
@@ -223,7 +223,7 @@ TEST_CASE("plane priors: pixels around a support are found across the seam") {
   constexpr int kHeight = 16;
   const SphereGrid grid(kWidth, kHeight);
   std::vector<float> x(kWidth * kHeight, 0.0F), z(kWidth * kHeight, 0.0F);
-  k::PriorCells<k::HostViews> cells{};
+  k::PriorCells<k::HostViewTypes> cells{};
   cells.grid = grid.view();
   cells.map = {x.data(), x.data(), z.data(), kWidth, kHeight, nullptr};
   const Vec3<float> behind{0.0F, 0.0F, -0.25F};
@@ -249,7 +249,7 @@ TEST_CASE("plane priors: only pixels without evidence of depth in the image have
   std::vector<float> variance(kSide * kSide, 100.0F);
   std::vector<float> certainty(kSide * kSide, 1e6F);
   std::vector<k::PriorPlane> found{{wall(4.0F), 9, 0.0F}};
-  k::PriorCells<k::HostViews> cells{};
+  k::PriorCells<k::HostViewTypes> cells{};
   cells.map = {x.data(), x.data(), z.data(), kSide, kSide, score.data()};
   cells.grid = grid.view();
   cells.spacing = 0.01F;

@@ -33,7 +33,7 @@ TEST_CASE("a point is transformed between the lenses that see it in two keyframe
     const double lens = 0.02;
     KeyframePose first{draws.transform(kernels::kPi, 1.0), 1.3};
     KeyframePose other{draws.transform(kernels::kPi, 1.0), 0.8};
-    const Relation relation = pmsp::relation(other, first, lens);
+    const RelativePose relation = pmsp::relation(other, first, lens);
     const Eigen::Vector3d in_first = 3.0 * direction(draws);  // camera's frame, its unit
     const Eigen::Vector3d in_other = other_from_first(other, first) * in_first;
     if (std::abs(in_first.z()) < 0.1 || std::abs(in_other.z()) < 0.1) continue;  // which lens is plain

@@ -17,12 +17,12 @@ constexpr int kLanes = cpu::lanes<Batch>();
 
 int modulo(int a, int n) { return ((a % n) + n) % n; }
 
-struct Place {
+struct RowPixels {
   int x, y;
 };
 
 /// Where the neighbour at an offset lies by geometry: beyond a pole on the opposite meridian.
-Place expected_place(int x, int y, int width, int height, const kernels::NeighbourOffset& offset) {
+RowPixels expected_place(int x, int y, int width, int height, const kernels::NeighbourOffset& offset) {
   int row = y + offset.dy;
   int column = x + offset.dx;
   if (row < 0 || row >= height) {
@@ -47,7 +47,7 @@ void check_neighbours(int width, int height) {
         const int k = x / 2 + from.shift;
         REQUIRE(k > -half);  // what load_ring takes
         const int column = 2 * modulo(k, half) + ((from.y + 1 - colour) & 1);
-        const Place place = expected_place(x, y, width, height, offset);
+        const RowPixels place = expected_place(x, y, width, height, offset);
         REQUIRE(((column + from.y) & 1) == 1 - colour);
         REQUIRE(from.y == place.y);
         const int distance = modulo(column - place.x, width);

@@ -66,19 +66,19 @@ std::vector<float> medians(Simd simd, const std::vector<float>& depth, const std
     if (!(depth[i] > 0.0F)) continue;
     const Vec3<float> plane =
         (1.0F / depth[i]) *
-        k::bearing_at(grid.view(), k::place_of(static_cast<int>(i) % width, static_cast<int>(i) / width, width));
+        k::bearing_at(grid.view(), k::single_pixel(static_cast<int>(i) % width, static_cast<int>(i) / width, width));
     x[i] = plane.x;
     y[i] = plane.y;
     z[i] = plane.z;
   }
   GuardedMap filtered(depth.size());
-  run_rows(simd, k::MedianFilter<k::HostViews>{{x.data(), y.data(), z.data(), width, height, score.data()},
-                                               grid.view(),
-                                               {nullptr},
-                                               true,
-                                               0.05F,
-                                               0.1F,
-                                               filtered.arrays()});
+  run_rows(simd, k::MedianFilter<k::HostViewTypes>{{x.data(), y.data(), z.data(), width, height, score.data()},
+                                                   grid.view(),
+                                                   {nullptr},
+                                                   true,
+                                                   0.05F,
+                                                   0.1F,
+                                                   filtered.arrays()});
   for (std::size_t i = 0; i < depth.size(); ++i) {
     const bool kept = filtered.x[i] == x[i] && filtered.y[i] == y[i] && filtered.z[i] == z[i] && x[i] != 0.0F;
     const bool dropped = filtered.x[i] == 0.0F && filtered.y[i] == 0.0F && filtered.z[i] == 0.0F;
@@ -150,7 +150,7 @@ std::vector<float> compare(Simd simd, const CompareInput& input) {
   const k::PlaneMapView other{input.x.data(),     input.y.data(),      input.z.data(),
                               input.grid.width(), input.grid.height(), input.score.data()};
   std::vector<float> confidence(input.grid.size() + kGuard, kUntouched);
-  k::ConsistencyFilter<k::HostViews> stage{};
+  k::ConsistencyFilter<k::HostViewTypes> stage{};
   stage.map = own;
   stage.grid = input.grid.view();
   stage.others[0] = {other, input.other_from_first};

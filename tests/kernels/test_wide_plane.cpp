@@ -41,7 +41,7 @@ std::vector<k::WidePlane> found_in(const std::vector<std::uint32_t>& surfels) {
   const Executor executor(1);
   const CpuProcessor on(executor, kWidth, kHeight);
   const Array<k::WidePlane> found = wide_planes(on, surfels.data());
-  return {found.get(), found.get() + k::kFields};
+  return {found.get(), found.get() + k::kTiles};
 }
 
 }  // namespace
@@ -66,7 +66,7 @@ TEST_CASE("wide planes: the widest sides of a long room are each chosen once") {
   // Floor and ceiling take most of the sphere, then the long walls.
   const std::vector<k::WidePlane> found = found_in(inside_box(grid.view(), {2.0F, 1.0F, 6.0F}));
   k::WidePlane chosen[k::kWidePlanes];
-  k::ChooseWidePlanes{found.data(), chosen}(k::place_of(0, 0, 1), nullptr);
+  k::ChooseWidePlanes{found.data(), chosen}(k::single_pixel(0, 0, 1), nullptr);
   for (int m = 1; m < k::kWidePlanes; ++m) CHECK(chosen[m].support <= chosen[m - 1].support);
   std::vector<double> sides;  // y of the first two, x of the others
   for (int m = 0; m < k::kWidePlanes; ++m) {
@@ -79,12 +79,12 @@ TEST_CASE("wide planes: the widest sides of a long room are each chosen once") {
 }
 
 TEST_CASE("wide planes: a table is not the floor below it") {
-  std::vector<k::WidePlane> found(k::kFields);
+  std::vector<k::WidePlane> found(k::kTiles);
   found[3] = {{0.0F, 1.0F / 2.0F, 0.0F}, 0.2F};
   found[4] = {{0.0F, 1.0F / 2.1F, 0.0F}, 0.15F};  // the floor again, as another field has it
   found[9] = {{0.0F, 1.0F / 1.2F, 0.0F}, 0.1F};
   k::WidePlane chosen[k::kWidePlanes];
-  k::ChooseWidePlanes{found.data(), chosen}(k::place_of(0, 0, 1), nullptr);
+  k::ChooseWidePlanes{found.data(), chosen}(k::single_pixel(0, 0, 1), nullptr);
   CHECK(chosen[0].plane.y == found[3].plane.y);
   CHECK(chosen[1].plane.y == found[9].plane.y);
   CHECK_FALSE(k::is_plane(chosen[2]));

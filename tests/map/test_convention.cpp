@@ -130,13 +130,13 @@ TEST_CASE("half a row is reported except for SLAM maps and no verdict without ev
     for (MapObservation& o : keyframe.observations) o.pixel.y() += 0.5F;
   }
   CHECK_THAT(require_convention(map).remark, Contains("half a pixel below"));
-  map.half_row_may_remain = true;
+  map.pixel_centers_at_integers = true;
   CHECK(require_convention(map).remark.empty());
   map = with_fault(sample_scene(), Fault::mirrored);
   for (MapKeyframe& keyframe : map.keyframes) keyframe.observations.resize(5);
   CHECK(require_convention(map).observations == 0);
   map = with_fault(sample_scene(), Fault::mirrored);
-  map.observations_are_tested = false;
+  map.observations_are_measured = false;
   CHECK(require_convention(map).observations == 0);
   // Inconsistent observations are no named fault.
   map = sample_scene();

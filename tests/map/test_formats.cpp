@@ -91,7 +91,7 @@ TEST_CASE("each format reads back the written map") {
     const SlamMap read = read_map(format.write(folder.path(), map), format.options(folder.path()));
     const std::string name = format.name;
     check_same_keyframes(read, map, name == "nerfstudio" ? "images/" : name == "AliceVision" ? "data/" : "");
-    CHECK(read.observations_are_tested == format.has_observations);
+    CHECK(read.observations_are_measured == format.has_observations);
     CHECK(read.observations_skipped + read.observations_repeated == 0);
     CHECK(read.component_keyframes == std::vector<std::size_t>{map.keyframes.size()});
     if (format.has_observations) check_same_observations(read, map);

@@ -179,9 +179,9 @@ TEST_CASE("a pass over images alone needs no planes of neighbours", "[plan][halo
     if (entry.has_depth_map()) with_map.push_back(&entry);
   }
   const PlanEntry& entry = *with_map[with_map.size() / 2];
-  const auto needs = [&](int passes, bool images_first) {
+  const auto needs = [&](int passes, bool photometric_first) {
     return find_halo(plan, {entry.id}, options, Wanted::kPlanes,
-                     {{entry.id, {PlaneReuse::Planes::kStart, passes, images_first}}});
+                     {{entry.id, {PlaneReuse::Planes::kStart, passes, photometric_first}}});
   };
   const RunHalo alone = needs(1, true);
   std::size_t matched = 0;

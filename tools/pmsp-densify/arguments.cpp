@@ -129,7 +129,7 @@ void add_inputs(CLI::App& app, Arguments& a) {
       ->group("Input");
 }
 
-void add_table(CLI::App& app, Arguments& a) {
+void add_densifier_options(CLI::App& app, Arguments& a) {
   app.add_option_function<std::string>(
          "--quality", [&a](const std::string& name) { a.quality = name; },
          "Preset: online (640 x 320, for live use), normal (1440 x 720), high (size of the images) or paper (Surmann "
@@ -314,12 +314,12 @@ void add_run(CLI::App& app, Arguments& a) {
       ->group("Input");
   add_run_outputs(app, a);
   add_behaviour(app, a);
-  add_table(app, a);
+  add_densifier_options(app, a);
 }
 
 void add_fuse(CLI::App& app, Arguments& a) {
   app.add_option(
-         "depth", a.given_depth,
+         "depth", a.external_depths,
          "Directory with a depth image for each image (7.pfm, 7.exr, 7.npy or 7.png for 7.jpg), distances along the "
          "rays; or a directory of --depth-maps or --raw-depth-maps")
       ->type_name("DIR");
@@ -332,7 +332,7 @@ void add_fuse(CLI::App& app, Arguments& a) {
       ->group("Input");
   add_outputs(app, a);
   add_behaviour(app, a);
-  add_table(app, a);
+  add_densifier_options(app, a);
 }
 
 std::vector<std::string> negative_flags() {
@@ -372,8 +372,8 @@ std::vector<std::string> words_of(int argc, const char* const* argv) {
 }
 
 void check_fuse(Arguments& a) {
-  if (a.given_depth.empty() || a.map.empty()) {
-    throw UsageError(std::string(a.given_depth.empty() ? "DIR and MAP are" : "MAP is") +
+  if (a.external_depths.empty() || a.map.empty()) {
+    throw UsageError(std::string(a.external_depths.empty() ? "DIR and MAP are" : "MAP is") +
                      " missing: pmsp-densify fuse DIR MAP --images IMAGES; see fuse --help");
   }
   a.calibrate_lenses = a.find_rig = false;  // used for PatchMatch only
@@ -475,7 +475,7 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   add_live_options(info, a.live);
   info.add_flag("--json", a.json, "As JSON");
   add_plan(info, a);
-  add_table(config, a);
+  add_densifier_options(config, a);
   if (std::find(words.begin(), words.end(), kHelpAll) == words.end()) {
     shorten_help(run, true);
     shorten_help(fuse, true);

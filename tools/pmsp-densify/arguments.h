@@ -58,7 +58,7 @@ struct Arguments {
   bool no_masks = false;       ///< ignores all masks except --mask, --mask-nadir and --mask-zenith
   bool find_rig = true;        ///< --mask auto
   std::filesystem::path prior_depth;
-  std::filesystem::path given_depth;        ///< of fuse
+  std::filesystem::path external_depths;    ///< of fuse
   std::optional<double> depth_scale = 1.0;  ///< of fuse [map units per value]; nullopt = estimated from landmarks
   std::optional<std::int64_t> frame_offset;
   double fps = 0.0;

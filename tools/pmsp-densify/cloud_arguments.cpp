@@ -103,7 +103,8 @@ void add_frame(CLI::App& app, CloudArguments& a) {
   app.add_option(
          "--align", a.frame.align,
          "Aligns the cloud by a similarity to the positions in this table: lines [NAME] x y z X Y Z (point in the map, "
-         "of convert: in IN; its target in metres), ID X Y Z or IMAGE X Y Z (keyframe, position of its camera), or timestamp tx ty tz qx qy qz qw "
+         "of convert: in IN; its target in metres), ID X Y Z or IMAGE X Y Z (keyframe, position of its camera), or "
+         "timestamp tx ty tz qx qy qz qw "
          "(TUM trajectory); exif: to the camera positions in the images' EXIF data (GPS), in "
          "metres")
       ->type_name("FILE")
@@ -125,7 +126,8 @@ void add_frame(CLI::App& app, CloudArguments& a) {
       ->group(kFrame);
   app.add_option_function<std::string>(
          "--scale", [&a](const std::string& text) { a.frame.scale = positive_from("--scale", text); },
-         "Metres per unit of the cloud, applied last: the cloud is then in metres; 1 if it is in metres [default: none, "
+         "Metres per unit of the cloud, applied last: the cloud is then in metres; 1 if it is in metres [default: "
+         "none, "
          "the cloud is in map units]")
       ->type_name("S")
       ->group(kFrame);
@@ -249,7 +251,8 @@ workspace::RecordedCloud recorded_cloud(const DensifierOptions& options, const S
   return {header.center, header.reach, how_made(options)};
 }
 
-nlohmann::ordered_json frame_json(const Similarity& file_from_map, const CloudUnit& unit, const CloudAmount& amount) {
+nlohmann::ordered_json frame_json(const Similarity& file_from_map, const CloudUnit& unit,
+                                  const CloudSelection& amount) {
   nlohmann::ordered_json json{{"file_from_map", matrix_json(file_from_map)}, {"scale", file_from_map.scale}};
   json["unit"] = unit.kind == CloudUnit::Kind::kMetres ? "m" : unit.kind == CloudUnit::Kind::kMap ? "map" : "unknown";
   if (!unit.by.empty()) json["unit_by"] = unit.by;
@@ -270,7 +273,7 @@ nlohmann::ordered_json cloud_json(const CloudArguments& arguments, const CloudFr
 }
 
 void add_frame_comments(std::vector<std::string>& comments, const Similarity& file_from_map, const CloudUnit& unit,
-                        const CloudAmount& amount) {
+                        const CloudSelection& amount) {
   const bool is_of_map = file_from_map.is_identity() && unit.kind == CloudUnit::Kind::kMap;
   comments.emplace_back(is_of_map ? "frame of the SLAM map, its unit of length; normals face the camera"
                                   : "normals face the camera");

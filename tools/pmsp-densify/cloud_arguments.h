@@ -30,7 +30,7 @@ struct CloudArguments {
   std::filesystem::path crs;  ///< WKT file
   int year = 0, day_of_year = 0;
   FrameOptions frame;
-  CloudAmount amount;
+  CloudSelection amount;
   std::int64_t dataset_points = 1'000'000;
 
   /// Targets of CloudOutput.
@@ -65,11 +65,11 @@ std::vector<std::string> how_made(const DensifierOptions& options);
 workspace::RecordedCloud recorded_cloud(const DensifierOptions& options, const SlamMap& map);
 
 /// Returns frame, unit and size of a cloud, for its files.
-nlohmann::ordered_json frame_json(const Similarity& file_from_map, const CloudUnit& unit, const CloudAmount& amount);
+nlohmann::ordered_json frame_json(const Similarity& file_from_map, const CloudUnit& unit, const CloudSelection& amount);
 
 /// Appends the same as comments.
 void add_frame_comments(std::vector<std::string>& comments, const Similarity& file_from_map, const CloudUnit& unit,
-                        const CloudAmount& amount);
+                        const CloudSelection& amount);
 
 /// Returns frame and dropped points of the cloud, for stats.json.
 nlohmann::ordered_json cloud_json(const CloudArguments& arguments, const CloudFrame& frame);

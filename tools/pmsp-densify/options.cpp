@@ -208,7 +208,7 @@ void follow_given_side(DensifierOptions& options, bool has_width, bool has_heigh
 }
 
 /// Preset, overridden by the configuration file, overridden by flags.
-DensifierOptions options_over(Quality quality, const Arguments& arguments, const nlohmann::json& file) {
+DensifierOptions merged_options(Quality quality, const Arguments& arguments, const nlohmann::json& file) {
   DensifierOptions options = preset(quality);
   if (arguments.verb == Verb::kFuse) set_fuse_defaults(options, arguments);
   if (file.is_object()) follow_given_side(options, file.contains("width"), file.contains("height"));
@@ -228,7 +228,7 @@ Quality quality_of(const Arguments& arguments) { return quality_of(arguments, co
 
 DensifierOptions effective_options(const Arguments& arguments) {
   const nlohmann::json file = config_of(arguments);
-  const DensifierOptions options = options_over(quality_of(arguments, file), arguments, file);
+  const DensifierOptions options = merged_options(quality_of(arguments, file), arguments, file);
   options.validate();
   return options;
 }
@@ -236,9 +236,9 @@ DensifierOptions effective_options(const Arguments& arguments) {
 std::string quality_warning(const Arguments& arguments) {
   if (!arguments.quality || arguments.config.empty()) return "";
   const nlohmann::json file = config_of(arguments);
-  const auto online = to_json(options_over(Quality::kOnline, arguments, file));
+  const auto online = to_json(merged_options(Quality::kOnline, arguments, file));
   for (const Quality other : {Quality::kNormal, Quality::kHigh, Quality::kPaper}) {
-    if (to_json(options_over(other, arguments, file)) != online) return "";
+    if (to_json(merged_options(other, arguments, file)) != online) return "";
   }
   return "--quality " + *arguments.quality + " changes nothing: " + arguments.config.string() +
          " sets all of its options; leave one of them out";

@@ -135,14 +135,14 @@ double Progress::seconds_left(double share) {
 
 bool Progress::is_due(double seconds) {
   const Clock::time_point now = Clock::now();
-  if (std::chrono::duration<double>(now - told_).count() < seconds) return false;
-  told_ = now;
+  if (std::chrono::duration<double>(now - last_output_).count() < seconds) return false;
+  last_output_ = now;
   return true;
 }
 
 void Progress::step(const ProgressStep& step) {
   const double left = seconds_left(step.run_progress.share);
-  told_ = Clock::now();
+  last_output_ = Clock::now();
   if (mode_ == ProgressMode::kJson) {
     nlohmann::ordered_json event{{"event", "keyframe"},
                                  {"stage", step.stage},

@@ -91,7 +91,7 @@ class Progress {
   using Clock = std::chrono::steady_clock;
   bool started_ = false;
   double share_at_start_ = 0.0;
-  Clock::time_point start_, told_;
+  Clock::time_point start_, last_output_;
 };
 
 /// Returns "1 h 02 min", "3 min 05 s", "12 s".
@@ -105,7 +105,7 @@ inline double seconds_since(std::chrono::steady_clock::time_point start) {
 }
 
 /// Activity of a run's main thread, or reason of its waiting; other threads are not accounted.
-enum class Busy {
+enum class Activity {
   kOther,
   kMap,        ///< reading the map
   kImages,     ///< finding the images of keyframes
@@ -118,33 +118,33 @@ enum class Busy {
   kPreview,    ///< drawing
   kFinish,     ///< until all data are on disk
 };
-constexpr std::size_t kBusyKinds = static_cast<std::size_t>(Busy::kFinish) + 1;
+constexpr std::size_t kBusyKinds = static_cast<std::size_t>(Activity::kFinish) + 1;
 
 /// Time of a run by activity: each moment counts for the innermost open scope, so the sum is the total. For one thread.
 class TimeAccount {
  public:
   class Scope {
    public:
-    Scope(TimeAccount& account, Busy with) : Scope(&account, with) {}
+    Scope(TimeAccount& account, Activity with) : Scope(&account, with) {}
     /// nullptr = no account.
-    Scope(TimeAccount* account, Busy with) : account_(account) {
+    Scope(TimeAccount* account, Activity with) : account_(account) {
       if (account_ == nullptr) return;
       before_ = account_->now_;
-      account_->turn_to(with);
+      account_->switch_to(with);
     }
     ~Scope() {
-      if (account_ != nullptr) account_->turn_to(before_);
+      if (account_ != nullptr) account_->switch_to(before_);
     }
     Scope(const Scope&) = delete;
     Scope& operator=(const Scope&) = delete;
 
    private:
     TimeAccount* account_;
-    Busy before_ = Busy::kOther;
+    Activity before_ = Activity::kOther;
   };
 
   /// Seconds up to now.
-  double seconds(Busy with) const {
+  double seconds(Activity with) const {
     const double before = seconds_[static_cast<std::size_t>(with)];
     return with == now_ ? before + seconds_since(since_) : before;
   }
@@ -154,14 +154,14 @@ class TimeAccount {
  private:
   using Clock = std::chrono::steady_clock;
 
-  void turn_to(Busy with) {
+  void switch_to(Activity with) {
     seconds_[static_cast<std::size_t>(now_)] = seconds(now_);
     since_ = Clock::now();
     now_ = with;
   }
 
   std::array<double, kBusyKinds> seconds_{};
-  Busy now_ = Busy::kOther;
+  Activity now_ = Activity::kOther;
   const Clock::time_point begin_ = Clock::now();
   Clock::time_point since_ = begin_;
 };

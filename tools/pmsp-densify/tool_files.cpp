@@ -113,7 +113,7 @@ void check_folder(const Arguments& arguments, const Target& target, bool may_rep
   if (!arguments.images.empty() && place_of(target.path) == place_of(arguments.images)) {
     throw UsageError(text_of(target) + " is the directory of the images; give another one");
   }
-  for (const fs::path& depth : {arguments.prior_depth, arguments.given_depth}) {
+  for (const fs::path& depth : {arguments.prior_depth, arguments.external_depths}) {
     if (depth.empty() || place_of(target.path) != place_of(depth)) continue;
     throw UsageError(text_of(target) + " is the directory of the depth images; give another one");
   }

@@ -97,19 +97,19 @@ struct CloudHeader {
 };
 
 /// Writes points [first, last) to `to`. May be called by several threads at once.
-using PlacePoints = std::function<void(std::size_t first, std::size_t last, OutputPoint* to)>;
+using PointProducer = std::function<void(std::size_t first, std::size_t last, OutputPoint* to)>;
 
 /// Streaming writer of a cloud, in bounded memory. The target is replaced by `finish`, else unchanged.
 class PMSP_API CloudWriter {
  public:
   virtual ~CloudWriter() = default;
 
-  /// Sets the keyframes of the bits of `agree` for the following points of a keyframe.
+  /// Sets the keyframe ids of the bits of OutputPoint::agree for the following points.
   virtual void set_window(std::int64_t keyframe_id, const std::vector<std::int64_t>& window_ids);
   /// Throws OutputError (disk full; a position that the format cannot hold).
   virtual void add(const OutputPoint* points, std::size_t count) = 0;
-  /// Adds `count` points computed by `place`, with several threads. Returns false, without effect, if unsupported.
-  virtual bool take(std::size_t count, const PlacePoints& place);
+  /// Adds `count` points computed by `producer`, with several threads. Returns false, without effect, if unsupported.
+  virtual bool add_parallel(std::size_t count, const PointProducer& producer);
   virtual void finish() = 0;  ///< completes the target; throws OutputError
 };
 
@@ -158,7 +158,7 @@ struct ThinningOptions {
 };
 
 /// Part of a cloud that is written.
-struct CloudAmount {
+struct CloudSelection {
   std::optional<Box> crop;  ///< in the frame of the file
   ThinningOptions thinning;
 };
@@ -177,14 +177,15 @@ class PMSP_API CloudOutput {
   };
 
   /// Throws OutputError if a target cannot be created.
-  CloudOutput(const CloudHeader& header, const CloudAmount& amount, const std::vector<Target>& targets);
+  CloudOutput(const CloudHeader& header, const CloudSelection& amount, const std::vector<Target>& targets);
   /// Single file or directory with the format of its extension, see cloud_formats, or without one PLY. Throws
   /// InvalidOption if the extension is unknown; OutputError.
   explicit CloudOutput(const std::filesystem::path& path);
   CloudOutput(const std::filesystem::path& path, const CloudHeader& header);
   ~CloudOutput();
 
-  void also_to(CloudWriter& writer);  ///< second writer of all points, finished by the caller; before the first point
+  void add_writer(
+      CloudWriter& writer);  ///< second writer of all points, finished by the caller; before the first point
 
   /// Add points, at the pose of the cloud or a newer one. Throw OutputError (disk full; after `commit`).
   void add(const KeyframeCloud& cloud);

@@ -63,7 +63,7 @@ class PMSP_API ImageSource {
 
   /// Returns another source with the same pairing. Must precede `next`. Throws IoError if a video cannot be opened
   /// again.
-  virtual std::unique_ptr<ImageSource> again() const = 0;
+  virtual std::unique_ptr<ImageSource> reopen() const = 0;
 };
 
 /// Returns whether EXIF data rotate or mirror the image, as ImageSource applies. Throws IoError.
@@ -143,7 +143,7 @@ struct MaskOptions {
   std::map<std::filesystem::path, std::filesystem::path> named{};  ///< MapKeyframe::mask by image
 };
 
-/// Origins of masks, and the share that they hide. `look` samples at most 16 images with a mask.
+/// Origins of masks, and the share that they hide. `summarise` samples at most 16 images with a mask.
 struct MaskSummary {
   std::size_t images = 0;                        ///< number of images
   std::size_t in_folder = 0;                     ///< with a mask in the directory MaskOptions::path
@@ -182,13 +182,13 @@ class PMSP_API MaskSource {
   bool has_mask(const std::filesystem::path& image) const;  ///< whether pixels may be ignored, without decoding
 
   /// Summarises masks of images of this size. Throws as read_mask; InvalidInput if a directory of masks fits no image.
-  MaskSummary look(const std::vector<std::filesystem::path>& images, int width, int height);
+  MaskSummary summarise(const std::vector<std::filesystem::path>& images, int width, int height);
 
   /// Returns the mask of an image, empty if all pixels are used; valid until the next call. Throws as read_mask.
   ImageView<const std::uint8_t> mask_for(const std::filesystem::path& image, int width, int height);
 
  private:
-  void look_at(const std::vector<std::filesystem::path>& images, int width, int height, MaskSummary& summary);
+  void add_to_summary(const std::vector<std::filesystem::path>& images, int width, int height, MaskSummary& summary);
 
   struct Impl;
   std::unique_ptr<Impl> impl_;

@@ -25,15 +25,15 @@ struct MapCamera {
 /// Observation of a landmark.
 struct MapObservation {
   std::int64_t landmark_id = 0;
-  /// Position of the keypoint [px], x right, y down; the centre of the first pixel is (0.5, 0.5). In dense maps of
-  /// PatchMatch-Stereo-Panorama, with keypoints in pixels of its depth maps, the projection of the landmark.
+  /// Position of the keypoint [px], x right, y down; the centre of the first pixel is (0.5, 0.5). For dense maps of
+  /// PatchMatch-Stereo-Panorama, whose keypoints are in depth map pixels: projection of the landmark.
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
 };
 
 /// Keyframe of a SLAM map.
 struct MapKeyframe {
   std::int64_t id = 0;
-  double timestamp = 0.0;                    ///< timestamp of the image in the SLAM [s]
+  double timestamp = 0.0;                    ///< timestamp of the image in the SLAM [s]; 0 if the file has none
   std::optional<std::int64_t> source_frame;  ///< index of the input frame; only before stella_vslam 0.3.6
   int camera = 0;                            ///< index into SlamMap::cameras
   RigidTransform cam_from_world;             ///< corrected for pixel centres at index + 0.5, see SlamMap
@@ -50,13 +50,13 @@ struct MapLandmark {
 
 /// Map of a SLAM or a reconstruction: cameras, keyframes and landmarks, without descriptors.
 ///
-/// SLAM programs and openMVG place the centre of the first pixel at 0, this library at 0.5. In longitude this is a
-/// rotation by half a pixel, contained in their poses and removed by the readers (cam_from_world = Ry(+pi / width) *
-/// cam_from_world of the file). In latitude half a pixel remains in the landmarks.
+/// SLAM programs, openMVG and AliceVision place the centre of the first pixel at 0, this library at 0.5. In longitude
+/// this is a rotation by half a pixel, contained in their poses and removed by the readers (cam_from_world = Ry(+pi /
+/// width) * cam_from_world of the file). In latitude half a pixel remains in the landmarks.
 struct PMSP_API SlamMap {
   std::filesystem::path path;
   std::string format;                     ///< description, e.g. "stella_vslam >= 0.3.6, MessagePack"
-  std::vector<MapCamera> cameras;         ///< ascending name, unique
+  std::vector<MapCamera> cameras;         ///< in natural order of their unique names
   std::vector<MapKeyframe> keyframes;     ///< ascending id, unique
   std::vector<MapLandmark> landmarks;     ///< ascending id, unique
   std::size_t observations_skipped = 0;   ///< observations of missing landmarks
@@ -67,10 +67,10 @@ struct PMSP_API SlamMap {
   int component = 0;
   std::vector<std::size_t> component_keyframes{};  ///< number of keyframes of each component, at least one entry
 
-  bool half_row_may_remain = false;     ///< pixel centres are at whole numbers in the file
-  bool observations_are_tested = true;  ///< false: the file has no observations; they are projections of the points
-  bool ids_are_row_numbers = false;     ///< the file has no ids; images are not paired by them
-  std::vector<std::string> notes{};     ///< messages on ignored or corrected content
+  bool pixel_centers_at_integers = false;  ///< pixel centres are at whole numbers in the file
+  bool observations_are_measured = true;   ///< false: projections of the landmarks, not keypoints of the file
+  bool ids_are_row_numbers = false;        ///< the file has no ids; images are not paired by them
+  std::vector<std::string> notes{};        ///< messages on ignored or corrected content
 
   /// Return nullptr if the id does not exist.
   const MapLandmark* find_landmark(std::int64_t id) const;
@@ -110,7 +110,8 @@ PMSP_API SlamMap read_map(const std::filesystem::path& path, const ReadMapOption
 /// Returns descriptions of the formats of maps, for messages.
 PMSP_API std::vector<std::string> map_formats();
 
-/// Returns a keyframe with its landmarks and the pose error that follows from them, without image and mask.
+/// Converts a keyframe of a map. Sets pose_error from the reprojection angles of its landmarks; image and mask stay
+/// empty.
 PMSP_API Keyframe keyframe_of(const SlamMap& map, const MapKeyframe& in_map);
 
 /// Returns the maximum over keyframes of the 98th percentile of distances of observed landmarks [map units]; 0 = none.

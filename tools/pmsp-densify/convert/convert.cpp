@@ -170,7 +170,7 @@ class Conversion {
     find_frame();
     const Similarity file_from_map = frame_.file_from_map * info.file_from_map.value_or(Similarity{});
     say_input();
-    const CloudAmount& amount = arguments.cloud.amount;
+    const CloudSelection& amount = arguments.cloud.amount;
     const bool is_same = frame_.file_from_map.is_identity() && frame_.unit.kind == info.unit.kind &&
                          frame_.unit.by == info.unit.by && !amount.crop && !amount.thinning.is_needed();
     header_.generator = version_text();
@@ -297,7 +297,7 @@ class Conversion {
   std::vector<std::string> comments(const Similarity& file_from_map, bool is_same) const {
     const std::string frame_of_map = "frame of the SLAM map", normals = "normals face the camera", cloud = "cloud {";
     const CloudInfo& info = cloud_->info();
-    const CloudAmount& amount = arguments_.cloud.amount;
+    const CloudSelection& amount = arguments_.cloud.amount;
     if (workspace_ != nullptr) {
       std::vector<std::string> all = workspace_->record().cloud.comments;
       add_frame_comments(all, file_from_map, frame_.unit, amount);

@@ -54,7 +54,7 @@ double bytes_of(const ImageSource& images) {
 std::vector<DiskNeed> disk_needs(const Arguments& arguments, const Budget& budget, const ImageSource& images,
                                  double in_workspace) {
   const double pixels = static_cast<double>(budget.width) * budget.height * static_cast<double>(budget.depth_maps);
-  const CloudAmount& amount = arguments.cloud.amount;
+  const CloudSelection& amount = arguments.cloud.amount;
   double points = budget.points;
   if (amount.thinning.max_points > 0) points = std::min(points, static_cast<double>(amount.thinning.max_points));
   if (amount.crop || amount.thinning.voxel > 0.0) points = 0.0;  // unpredictable

@@ -198,7 +198,7 @@ std::vector<std::int64_t> ids_in_order(const SlamMap& map) {
 
 Json vector_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-/// Reason for an unused keyframe, for people.
+/// Reason for an unused keyframe, for messages.
 const char* words_for(const std::string& use) {
   if (use == "no neighbour") return "no other used keyframe nearby sees the same surfaces with enough parallax";
   if (use == "no range") return "too few landmarks for a depth range";

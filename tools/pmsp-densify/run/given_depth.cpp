@@ -44,7 +44,7 @@ Image<T> resampled(Image<T> image, int width, int height) {
 }  // namespace
 
 void set_fuse_defaults(DensifierOptions& options, const Arguments& arguments) {
-  const DepthFolder folder(arguments.given_depth, arguments.images);
+  const DepthFolder folder(arguments.external_depths, arguments.images);
   options.width = options.height = 0;
   options.lens_distance = folder.lens_distance();
   options.advanced.view_filter.enabled = false;
@@ -54,9 +54,9 @@ void set_fuse_defaults(DensifierOptions& options, const Arguments& arguments) {
 }
 
 ExternalDepths::ExternalDepths(const Arguments& arguments)
-    : arguments_(arguments), folder_(arguments.given_depth, arguments.images) {
+    : arguments_(arguments), folder_(arguments.external_depths, arguments.images) {
   if (folder_.is_indexed() || arguments.video.empty()) return;
-  throw InvalidInput(arguments.given_depth.string() +
+  throw InvalidInput(arguments.external_depths.string() +
                      ": has no index.json, and frames of a --video have no names of depth images; expected "
                      "the index of --depth-maps, or --images");
 }
@@ -76,7 +76,7 @@ std::vector<SkippedKeyframe> ExternalDepths::look(const SlamMap& map, const Imag
     if (in_map == nullptr || file.empty()) continue;
     const Keyframe keyframe = keyframe_of(map, *in_map);
     try {
-      Found found = look_at(keyframe, file, options, ratios);
+      Found found = add_image(keyframe, file, options, ratios);
       found.image = image;
       found_[id] = std::move(found);
       planned.push_back(plan_keyframe(keyframe, options));
@@ -85,7 +85,7 @@ std::vector<SkippedKeyframe> ExternalDepths::look(const SlamMap& map, const Imag
     }
   }
   if (found_.empty()) {
-    const std::string all = arguments_.given_depth.string() + ": contains no depth image ";
+    const std::string all = arguments_.external_depths.string() + ": contains no depth image ";
     if (!skipped.empty()) throw InvalidInput(all + "that can be used; the first one: " + skipped.front().reason);
     throw InvalidInput(all + "of any of the " + std::to_string(with_image_) + " keyframes with an image; expected " +
                        (folder_.is_indexed() ? "their keyframe ids in its index.json"
@@ -99,8 +99,8 @@ std::vector<SkippedKeyframe> ExternalDepths::look(const SlamMap& map, const Imag
 }
 
 /// Determines scale and usability of a depth image.
-ExternalDepths::Found ExternalDepths::look_at(const Keyframe& keyframe, const std::filesystem::path& file,
-                                              DensifierOptions& options, std::vector<double>& ratios) {
+ExternalDepths::Found ExternalDepths::add_image(const Keyframe& keyframe, const std::filesystem::path& file,
+                                                DensifierOptions& options, std::vector<double>& ratios) {
   Found found;
   found.file = file;
   const Image<float> values = folder_.read(file);
@@ -126,7 +126,7 @@ void ExternalDepths::check_unit(std::vector<double> ratios) const {
   if (ratio <= kOtherUnit && ratio >= 1.0 / kOtherUnit) return;
   std::ostringstream text;
   text.precision(3);
-  text << arguments_.given_depth.string() << ": depths are " << ratio << " times those of the landmarks (median of "
+  text << arguments_.external_depths.string() << ": depths are " << ratio << " times those of the landmarks (median of "
        << ratios.size() << " keyframes); expected distances along the rays in map units; give --depth-scale "
        << *arguments_.depth_scale / ratio
        << ", or --depth-scale auto to estimate scale and shift of each image, or --no-verify to use them unchanged";
@@ -135,13 +135,14 @@ void ExternalDepths::check_unit(std::vector<double> ratios) const {
 
 std::string ExternalDepths::summary() const {
   return "depth: " + std::to_string(found_.size()) + " of " + std::to_string(with_image_) + " keyframes have it in " +
-         arguments_.given_depth.string() + (folder_.kind().empty() ? "" : " (" + folder_.kind() + ")") + ", used at " +
-         size_text(options_.width, options_.height);
+         arguments_.external_depths.string() + (folder_.kind().empty() ? "" : " (" + folder_.kind() + ")") +
+         ", used at " + size_text(options_.width, options_.height);
 }
 
 nlohmann::ordered_json ExternalDepths::report() const {
-  nlohmann::ordered_json json{
-      {"folder", arguments_.given_depth.string()}, {"kind", folder_.kind()}, {"maps", nlohmann::ordered_json::array()}};
+  nlohmann::ordered_json json{{"folder", arguments_.external_depths.string()},
+                              {"kind", folder_.kind()},
+                              {"maps", nlohmann::ordered_json::array()}};
   for (const auto& [id, found] : found_) {
     nlohmann::ordered_json entry{{"keyframe_id", id}};
     entry.update(is_aligned() ? io::to_json(found.alignment)

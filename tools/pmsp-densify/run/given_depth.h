@@ -61,8 +61,8 @@ class ExternalDepths {
   };
 
   bool is_aligned() const { return !arguments_.depth_scale; }
-  Found look_at(const Keyframe& keyframe, const std::filesystem::path& file, DensifierOptions& options,
-                std::vector<double>& ratios);
+  Found add_image(const Keyframe& keyframe, const std::filesystem::path& file, DensifierOptions& options,
+                  std::vector<double>& ratios);
   void check_unit(std::vector<double> ratios) const;
   PlaneMap planes_of(std::int64_t keyframe_id);
   DepthMap read(std::int64_t keyframe_id, const Found& found) const;

@@ -184,7 +184,7 @@ MaskReport look_at_masks(const Arguments& arguments, const SlamMap& map, const I
   constexpr int kEnough = 2048;  // width [columns]
   int width = camera.width, height = camera.height;
   for (; width > kEnough && width % 2 == 0 && height % 2 == 0; height /= 2) width /= 2;
-  const MaskSummary it = masks.look(images, width, height);
+  const MaskSummary it = masks.summarise(images, width, height);
   warn_of_unused(arguments, map, it, report.warnings);
   const bool any = has_files(it) || it.with_alpha > 0 || arguments.mask_nadir > 0.0 || arguments.mask_zenith > 0.0;
   if (!any) return report;
@@ -218,7 +218,7 @@ std::vector<std::string> remarks(const SlamMap& map) {
     for (const std::size_t count : map.component_keyframes) text += " " + std::to_string(count);
     all.insert(all.begin(), text + "; --component N selects one");
   }
-  if (!map.observations_are_tested && !map.landmarks.empty()) {
+  if (!map.observations_are_measured && !map.landmarks.empty()) {
     all.push_back(
         "observations of points are unknown; points are assigned to the keyframes in which no nearer point hides them");
   }
@@ -248,13 +248,13 @@ MissionInput::MissionInput(const Arguments& arguments, Progress& progress, int t
 
 void MissionInput::read_map() {
   progress_.stage("reading " + arguments_.map.string());
-  const ScopedTimer spent(time_, Busy::kMap);
+  const ScopedTimer spent(time_, Activity::kMap);
   set_map(tool::read_map(arguments_));
   remarks = tool::remarks(map);
 }
 
 void MissionInput::open_images() {
-  const ScopedTimer spent(time_, Busy::kImages);
+  const ScopedTimer spent(time_, Activity::kImages);
   opened_images_ = tool::open_images(arguments_, map);
   opened_masks_.reset(new MaskSource(mask_options(arguments_, map, *opened_images_)));
   set_images(*opened_images_, *opened_masks_);
@@ -263,7 +263,7 @@ void MissionInput::open_images() {
 }
 
 void MissionInput::check_poses() {
-  const ScopedTimer spent(time_, Busy::kImages);
+  const ScopedTimer spent(time_, Activity::kImages);
   Mission::check_poses();
   if (!map.landmarks.empty()) return;
   progress_.warning(

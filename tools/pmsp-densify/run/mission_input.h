@@ -40,7 +40,7 @@ std::string masks_text(const Arguments& arguments, workspace::Workspace& workspa
 
 /// Sources and hidden share of a mission's masks.
 struct MaskReport {                   // NOLINT(bugprone-exception-escape): a JSON value is assigned by value
-  std::string text;                   ///< for people; "" = no mask
+  std::string text;                   ///< for messages; "" = no mask
   std::vector<std::string> warnings;  ///< probable mistakes
   nlohmann::ordered_json json;        ///< for --stats; null = no mask
 };

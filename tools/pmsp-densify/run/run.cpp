@@ -94,7 +94,7 @@ class Run {
     }
     if (merge == nullptr && given == nullptr) {  // done by the shards, or not needed
       progress_.stage("calibrating the camera");
-      const ScopedTimer spent(report_.time, Busy::kImages);
+      const ScopedTimer spent(report_.time, Activity::kImages);
       report_.calibration = calibrate(arguments, options, map_, *input_.images, *input_.masks, growing_,
                                       workspace != nullptr ? workspace->record() : workspace::Record{});
       options.lens_distance = report_.calibration.lens_distance;
@@ -112,7 +112,7 @@ class Run {
     // While the device starts; not for videos, which are read up to the first keyframe before an error is reported.
     if (all_images && device.valid() && arguments.video.empty()) begin_reading();
     {
-      const ScopedTimer spent(report_.time, Busy::kStart);
+      const ScopedTimer spent(report_.time, Activity::kStart);
       if (device.valid()) report_.device_start = device.get();
       densifier_ = workspace_run_                ? workspace_run_->densifier(callbacks())
                    : external_depths_ != nullptr ? external_depths_->densifier(callbacks())
@@ -170,7 +170,7 @@ class Run {
     if (report_.empty_reason.empty()) {
       write_results();
       if (arguments_.delete_workspace) {
-        const ScopedTimer spent(report_.time, Busy::kWorkspace);
+        const ScopedTimer spent(report_.time, Activity::kWorkspace);
         workspace_->remove();
       }
     } else {
@@ -276,17 +276,17 @@ class Run {
 
   void check_external_depths(DensifierOptions& options) {
     progress_.stage("reading the depth images");
-    const ScopedTimer spent(report_.time, Busy::kImages);
+    const ScopedTimer spent(report_.time, Activity::kImages);
     for (const SkippedKeyframe& skipped : external_depths_->look(map_, *input_.images, options)) skip(skipped);
     report_.with_image = external_depths_->count();
-    report_.given_depth = external_depths_->report();
+    report_.external_depths = external_depths_->report();
     progress_.message(external_depths_->summary());
   }
 
   void open_workspace(const DensifierOptions& options) {
     if (arguments_.delete_workspace && workspace_->is_blank()) {
-      keeper_ = std::make_unique<PlaneKeeper>(*workspace_, arguments_, options, map_, report_.calibration.rig,
-                                              *input_.images, report_.time);
+      plane_writer_ = std::make_unique<PlaneMapWriter>(*workspace_, arguments_, options, map_, report_.calibration.rig,
+                                                       *input_.images, report_.time);
     } else {
       open_step(options);
     }
@@ -304,11 +304,11 @@ class Run {
     if (!fresh.empty()) {
       progress_.stage("reading " + std::to_string(fresh.size()) + " new images");
       const InterruptGuard guard(nullptr);
-      const std::unique_ptr<ImageSource> images = input_.images->again();
+      const std::unique_ptr<ImageSource> images = input_.images->reopen();
       images->restrict_to(fresh);
       io::ImageReader reader(*images, map_, input_.threads(), verifier_.get());
-      const std::string error =
-          each_image(reader, guard, [&](std::size_t, const Keyframe& keyframe) { workspace_run_->look_at(keyframe); });
+      const std::string error = each_image(
+          reader, guard, [&](std::size_t, const Keyframe& keyframe) { workspace_run_->add_image(keyframe); });
       if (!error.empty() && fresh.size() + unreadable.size() == input_.images->keyframe_ids().size())
         refuse_images(error);
       verifier_.reset();  // verified once only
@@ -327,11 +327,13 @@ class Run {
 
   PlannedCallbacks callbacks() {
     PlannedCallbacks callbacks = results_->callbacks();
-    if (keeper_) {
-      callbacks.wants_planes = [this](std::int64_t /*keyframe_id*/) { return keeper_->wants_planes(*densifier_); };
-      callbacks.planes = [this](const PlaneMap& planes) { keeper_->keep(planes, *densifier_); };
+    if (plane_writer_) {
+      callbacks.wants_planes = [this](std::int64_t /*keyframe_id*/) {
+        return plane_writer_->wants_planes(*densifier_);
+      };
+      callbacks.planes = [this](const PlaneMap& planes) { plane_writer_->keep(planes, *densifier_); };
     }
-    callbacks.worked = [this] { progress_.run_progress(run_progress()); };
+    callbacks.progress = [this] { progress_.run_progress(run_progress()); };
     return callbacks;
   }
 
@@ -351,7 +353,7 @@ class Run {
     images_.reset();
     if (!error.empty()) refuse_images(error);
     progress_.stage("finishing the last keyframes");
-    const ScopedTimer spent(report_.time, Busy::kDensify);
+    const ScopedTimer spent(report_.time, Activity::kDensify);
     densifier_->flush();
     progress_.run_progress(run_progress(), true);
     guard.check();
@@ -380,7 +382,7 @@ class Run {
     std::optional<ScopedTimer> waiting;
     const auto waits = [&](bool begins) {
       waiting.reset();
-      if (begins) waiting.emplace(report_.time, Busy::kWait);
+      if (begins) waiting.emplace(report_.time, Activity::kWait);
     };
     const io::ImageLoop::End end = io::ImageLoop{images, visit, lost, [&guard] { guard.check(); }, waits}();
     if (end.pairing) report_.pairing = end.pairing;
@@ -398,7 +400,7 @@ class Run {
     const int height = report_.options.height > 0 ? report_.options.height : width / 2;
     results_->add_image(index, keyframe, width, height);
     const bool accepted = [&] {
-      const ScopedTimer spent(report_.time, Busy::kDensify);
+      const ScopedTimer spent(report_.time, Activity::kDensify);
       return densifier_->add(keyframe);
     }();
     results_->added(keyframe, accepted);
@@ -443,8 +445,9 @@ class Run {
   std::unique_ptr<ViewImages> views_;
   std::unique_ptr<RunResults> results_;
   std::unique_ptr<PairingVerifier> verifier_;
-  std::unique_ptr<WorkspaceStep> workspace_run_;  ///< before the densifier, which calls it; alternative to keeper_
-  std::unique_ptr<PlaneKeeper> keeper_;           ///< before the densifier, which calls it
+  std::unique_ptr<WorkspaceStep>
+      workspace_run_;  ///< before the densifier, which calls it; alternative to plane_writer_
+  std::unique_ptr<PlaneMapWriter> plane_writer_;  ///< before the densifier, which calls it
   std::size_t steps_ = 0;                         ///< number of images needed by the step
   std::optional<io::ImageReader> images_;         ///< after the members that it uses
   std::unique_ptr<PlannedDensifier> densifier_;

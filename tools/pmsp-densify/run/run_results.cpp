@@ -25,7 +25,7 @@ RunResults::RunResults(const Setup& setup, TimeAccount& time)
   if (!arguments_.preview.empty()) preview_.emplace(arguments_.preview, setup.keyframes);
   if (!arguments_.report.path.empty()) {
     page_.emplace(arguments_.report, header, setup.map, setup.keyframes);
-    output_->also_to(page_->cloud());
+    output_->add_writer(page_->cloud());
     for (const CloudOutput::Target& target : arguments_.cloud.targets()) {
       if (target.format->name == std::string("potree")) page_->set_potree(target.path);
     }
@@ -36,24 +36,24 @@ PlannedCallbacks RunResults::callbacks() {
   PlannedCallbacks callbacks;
   if (raw_) {
     callbacks.raw_depth = [this](const DepthMap& map) {
-      const ScopedTimer spent(time_, Busy::kDepthMaps);
+      const ScopedTimer spent(time_, Activity::kDepthMaps);
       raw_->write(map);
     };
   }
   if (filtered_ || preview_ || page_) {
     callbacks.filtered_depth = [this](const DepthMap& map) {
-      const ScopedTimer spent(time_, Busy::kDepthMaps);
+      const ScopedTimer spent(time_, Activity::kDepthMaps);
       if (filtered_) filtered_->write(map);
-      const ScopedTimer drawing(time_, Busy::kPreview);
+      const ScopedTimer drawing(time_, Activity::kPreview);
       if (preview_) preview_->add_depth(map);
       if (page_) page_->add_depth(map);
     };
   }
   callbacks.cloud = [this](const KeyframeCloud& cloud) {
-    const ScopedTimer spent(time_, Busy::kPoints);
+    const ScopedTimer spent(time_, Activity::kPoints);
     output_->add(cloud);
     for (std::size_t i = 0; i < cloud.points.size(); i += 16, ++sampled_) confidence_sum_ += cloud.points[i].confidence;
-    const ScopedTimer drawing(time_, Busy::kPreview);
+    const ScopedTimer drawing(time_, Activity::kPreview);
     if (preview_) preview_->add_points(cloud);
     if (live_ != nullptr) live_->add(cloud);
   };
@@ -62,7 +62,7 @@ PlannedCallbacks RunResults::callbacks() {
 }
 
 void RunResults::add_image(std::size_t index, const Keyframe& keyframe, int width, int height) {
-  const ScopedTimer spent(time_, Busy::kPreview);
+  const ScopedTimer spent(time_, Activity::kPreview);
   if (preview_) preview_->add_keyframe(index, keyframe.id, keyframe.cam_from_world, keyframe.image, width, height);
   if (page_) page_->add_image(index, keyframe);
 }
@@ -84,7 +84,7 @@ void RunResults::commit_depth_maps() {
 }
 
 void RunResults::complete() {
-  const ScopedTimer spent(time_, Busy::kPoints);
+  const ScopedTimer spent(time_, Activity::kPoints);
   output_->complete();
 }
 
@@ -96,12 +96,12 @@ void RunResults::write(Progress& progress) {
   }
   progress.stage("writing " + arguments_.cloud.text());
   {
-    const ScopedTimer spent(time_, Busy::kFinish);
+    const ScopedTimer spent(time_, Activity::kFinish);
     output_->commit();
   }
   commit_depth_maps();
   if (!preview_) return;
-  const ScopedTimer spent(time_, Busy::kPreview);
+  const ScopedTimer spent(time_, Activity::kPreview);
   progress.stage("drawing " + arguments_.preview.string());
   dropped_ = drawn.get();
   preview_->commit();
@@ -109,7 +109,7 @@ void RunResults::write(Progress& progress) {
 
 void RunResults::write_page(Progress& progress, const nlohmann::ordered_json& stats) {
   if (!page_) return;
-  const ScopedTimer spent(time_, Busy::kPreview);
+  const ScopedTimer spent(time_, Activity::kPreview);
   progress.stage("writing " + arguments_.report.path.string());
   page_->write(stats);
 }

@@ -48,7 +48,7 @@ std::string left_out(const RunReport& report) {
 std::string pixels_kept(const RunReport& report) {
   const DensifierStats& s = report.stats;
   if (!report.workspace.is_null()) return "";
-  return "pixels kept: " + std::string(report.given_depth.is_null() ? "PatchMatch " : "given ") +
+  return "pixels kept: " + std::string(report.external_depths.is_null() ? "PatchMatch " : "given ") +
          percent_text(s.pixels_matched, s.pixels) + ", median filter " + percent_text(s.pixels_after_median, s.pixels) +
          ", consistency filter " + percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) +
          (1000 * s.pixels_far >= s.pixels && s.pixels_far > 0 ? "; sky " + percent_text(s.pixels_far, s.pixels) : "") +
@@ -57,7 +57,7 @@ std::string pixels_kept(const RunReport& report) {
 
 std::string seconds_text(double seconds) { return number_text(seconds, "%.1f s"); }
 
-/// Indexed by Busy.
+/// Indexed by Activity.
 constexpr struct {
   const char* key;
   const char* words;
@@ -93,7 +93,8 @@ std::string stages_of(const DensifierStats& s) {
 std::string shares_of(const TimeAccount& time) {
   std::vector<std::pair<double, const char*>> shares;
   for (std::size_t i = 0; i < kBusyKinds; ++i) {
-    shares.emplace_back(100.0 * time.seconds(static_cast<Busy>(i)) / std::max(time.total(), 1e-9), kBusyNames[i].words);
+    shares.emplace_back(100.0 * time.seconds(static_cast<Activity>(i)) / std::max(time.total(), 1e-9),
+                        kBusyNames[i].words);
   }
   std::stable_sort(shares.begin(), shares.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
   std::string text;
@@ -148,7 +149,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
                      {"fusion", s.seconds_fusion},       {"free_space", s.seconds_free_space},
                      {"ownership", s.seconds_duplicates}};
   for (std::size_t i = 0; i < kBusyKinds; ++i) {
-    json["critical_path"][kBusyNames[i].key] = report.time.seconds(static_cast<Busy>(i));
+    json["critical_path"][kBusyNames[i].key] = report.time.seconds(static_cast<Activity>(i));
   }
   const bool on_device = report.options.backend == Backend::kCuda;
   if (on_device && report.device_start) json["device_start"] = *report.device_start;
@@ -175,7 +176,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
     json["skipped"].push_back({{"keyframe_id", skipped.keyframe_id}, {"reason", skipped.reason}});
   }
   if (!report.prior_depth.is_null()) json["prior_depth"] = report.prior_depth;
-  if (!report.given_depth.is_null()) json["given_depth"] = report.given_depth;
+  if (!report.external_depths.is_null()) json["given_depth"] = report.external_depths;
   if (!report.workspace.is_null()) json["workspace"] = report.workspace;
   if (!report.empty_reason.empty()) json["empty"] = report.empty_reason;
   return json;
@@ -188,7 +189,7 @@ std::string summary(const RunReport& report) {
   for (const std::string& warning : report.warnings) warnings += "\nwarning:     " + warning;
   const auto rate = s.keyframes_added > 0 ? total / static_cast<double>(s.keyframes_added) : 0.0;
   return "keyframes:   " + std::to_string(report.keyframes) + " in the map, " + std::to_string(report.with_image) +
-         (report.given_depth.is_null() ? " with an image, " : " with an image and a depth image, ") +
+         (report.external_depths.is_null() ? " with an image, " : " with an image and a depth image, ") +
          std::to_string(s.keyframes_accepted) + " accepted by the view filter" + blurred_keyframes(s) + ", " +
          std::to_string(s.depth_maps) + " depth maps" + without_depth_map(s) + "\n" +
          (report.masks.text.empty() ? "" : "masks:       " + report.masks.text + "\n") + pixels_kept(report) +

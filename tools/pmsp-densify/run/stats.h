@@ -33,12 +33,12 @@ struct RunReport {
   std::optional<PairingVerifier::Verdict> pairing;
   MaskReport masks;
   Calibration calibration;
-  TimeAccount time;                    ///< of the main thread
-  std::optional<double> device_start;  ///< time to start a CUDA device, concurrent [s]; nullopt = none
-  std::string empty_reason;            ///< of an empty result
-  nlohmann::ordered_json prior_depth;  ///< per keyframe; null = not used
-  nlohmann::ordered_json given_depth;  ///< of fuse, else null
-  nlohmann::ordered_json workspace;    ///< kept and new parts; null = none
+  TimeAccount time;                        ///< of the main thread
+  std::optional<double> device_start;      ///< time to start a CUDA device, concurrent [s]; nullopt = none
+  std::string empty_reason;                ///< of an empty result
+  nlohmann::ordered_json prior_depth;      ///< per keyframe; null = not used
+  nlohmann::ordered_json external_depths;  ///< of fuse, else null
+  nlohmann::ordered_json workspace;        ///< kept and new parts; null = none
 };
 
 /// Includes times up to now.

@@ -256,9 +256,9 @@ class ShardRun {
         // Videos are read from their beginning each time.
         const std::size_t number = arguments_.video.empty() ? std::min(kLookedAtOnce, last - first) : last - first;
         const std::size_t begin = turn == 0 ? first : last - number;
-        look_at({all.begin() + static_cast<std::ptrdiff_t>(begin),
-                 all.begin() + static_cast<std::ptrdiff_t>(begin + number)},
-                guard);
+        add_image({all.begin() + static_cast<std::ptrdiff_t>(begin),
+                   all.begin() + static_cast<std::ptrdiff_t>(begin + number)},
+                  guard);
         if (turn == 0) first += number;
         if (turn != 0) last -= number;
       }
@@ -270,7 +270,7 @@ class ShardRun {
 
   /// Reads some consecutive images. They are verified among themselves, since their neighbours may be read by other
   /// shards.
-  void look_at(const Ids& ids, const InterruptGuard& guard) {
+  void add_image(const Ids& ids, const InterruptGuard& guard) {
     std::set<std::int64_t> wanted;
     for (const std::int64_t id : ids) {
       if (fresh_.count(id) == 0) continue;
@@ -280,14 +280,14 @@ class ShardRun {
     }
     if (wanted.empty()) return;
     const std::unique_ptr<PairingVerifier> verifier = input_.verifier();
-    const std::unique_ptr<ImageSource> images = input_.images->again();
+    const std::unique_ptr<ImageSource> images = input_.images->reopen();
     images->restrict_to(wanted);
     const auto lost = [this](const SkippedKeyframe& skipped) {
       if (first_error_.empty()) first_error_ = skipped.reason;
       skip(skipped);
     };
     const auto look = [&](std::size_t, const Keyframe& keyframe) {
-      step_->look_at(keyframe);
+      step_->add_image(keyframe);
       step_->save_image_record(keyframe.id);
       ++readable_;
     };
@@ -347,7 +347,7 @@ class ShardRun {
     announced_backend_ = densifier.backend();
     const InterruptGuard guard(&densifier);
     const Ids needed = densifier.images();
-    const std::unique_ptr<ImageSource> images = input_.images->again();
+    const std::unique_ptr<ImageSource> images = input_.images->reopen();
     images->restrict_to({needed.begin(), needed.end()});
     const auto lost = [](const SkippedKeyframe& skipped) {
       throw IoError("the image of keyframe " + std::to_string(skipped.keyframe_id) +

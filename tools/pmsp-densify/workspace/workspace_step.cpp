@@ -179,7 +179,7 @@ void WorkspaceStep::save_image_record(std::int64_t keyframe_id) const {
   workspace_.save_image_record(image_record_file(it), {it.width, it.height, it.keyframe.sharpness});
 }
 
-void WorkspaceStep::look_at(const Keyframe& keyframe) {
+void WorkspaceStep::add_image(const Keyframe& keyframe) {
   workspace::StepKeyframe& it = stock_.at(keyframe.id);
   it.keyframe = plan_keyframe(keyframe, options_, &executor_);
   it.width = keyframe.image.width;
@@ -295,7 +295,7 @@ PlaneReuses WorkspaceStep::find_reuses() const {
     reuses.keyframes[id] = {PlaneReuse::Planes::kResult, it.passes, false};
   }
   reuses.load = [this](std::int64_t id) {
-    const ScopedTimer spent(time_, Busy::kWorkspace);
+    const ScopedTimer spent(time_, Activity::kWorkspace);
     const StepKeyframePlan& it = step_.keyframes.at(id);
     return own(
         id, workspace_.load_planes(it.has_planes ? workspace_.record().keyframes.at(id).planes->file : it.planes_file));
@@ -351,13 +351,13 @@ std::unique_ptr<PlannedDensifier> WorkspaceStep::points_densifier(
 }
 
 void WorkspaceStep::save(const PlaneMap& planes) const {
-  const ScopedTimer spent(time_, Busy::kWorkspace);
+  const ScopedTimer spent(time_, Activity::kWorkspace);
   workspace_.save_planes(step_.keyframes.at(planes.keyframe_id).planes_file, planes);
 }
 
 void WorkspaceStep::save(const KeyframeCloud& cloud) const {
   if (arguments_.delete_workspace) return;  // fast to recompute from planes
-  const ScopedTimer spent(time_, Busy::kWorkspace);
+  const ScopedTimer spent(time_, Activity::kWorkspace);
   workspace_.save_points(step_.keyframes.at(cloud.keyframe_id).points_file, cloud);
 }
 
@@ -384,7 +384,7 @@ std::unique_ptr<PlannedDensifier> WorkspaceStep::densifier(PlannedCallbacks call
 
 /// Emits existing clouds before this keyframe's; nullopt = all.
 void WorkspaceStep::emit_clouds_before(std::optional<std::int64_t> keyframe_id) {
-  const ScopedTimer spent(time_, Busy::kWorkspace);
+  const ScopedTimer spent(time_, Activity::kWorkspace);
   for (; next_ < step_.plan.entries.size() && step_.plan.entries[next_].id != keyframe_id; ++next_) {
     const std::int64_t id = step_.plan.entries[next_].id;
     if (there_.count(id) == 0) continue;
@@ -404,7 +404,7 @@ double WorkspaceStep::scale_of(std::int64_t keyframe_id) const {
 void WorkspaceStep::finish() { emit_clouds_before(std::nullopt); }
 
 void WorkspaceStep::commit(std::size_t lenses_looked_at, workspace::RecordedCloud cloud) {
-  const ScopedTimer spent(time_, Busy::kWorkspace);
+  const ScopedTimer spent(time_, Activity::kWorkspace);
   workspace::Record record = record_of(step_, inputs_, workspace_.record());
   name_inputs(record);
   for (const std::filesystem::path& target : target_paths(arguments_)) {
@@ -491,8 +491,9 @@ bool PlanesPace::is_worth_keeping(const DensifierOptions& options) {
   return bytes_ < kMostBytesPerSecond * seconds_since(*first_);
 }
 
-PlaneKeeper::PlaneKeeper(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
-                         const SlamMap& map, const RigMask& rig, const ImageSource& source, TimeAccount& time)
+PlaneMapWriter::PlaneMapWriter(workspace::Workspace& workspace, const Arguments& arguments,
+                               const DensifierOptions& options, const SlamMap& map, const RigMask& rig,
+                               const ImageSource& source, TimeAccount& time)
     : workspace_(workspace),
       arguments_(arguments),
       options_(options),
@@ -501,10 +502,10 @@ PlaneKeeper::PlaneKeeper(workspace::Workspace& workspace, const Arguments& argum
       source_(source),
       time_(time) {}
 
-bool PlaneKeeper::wants_planes(const Densifier& densifier) { return pace_.is_worth_keeping(densifier.options()); }
+bool PlaneMapWriter::wants_planes(const Densifier& densifier) { return pace_.is_worth_keeping(densifier.options()); }
 
-void PlaneKeeper::keep(const PlaneMap& planes, const Densifier& densifier) {
-  const ScopedTimer spent(time_, Busy::kWorkspace);
+void PlaneMapWriter::keep(const PlaneMap& planes, const Densifier& densifier) {
+  const ScopedTimer spent(time_, Activity::kWorkspace);
   if (step_.empty()) {
     WorkspaceStep step(workspace_, arguments_, options_, map_, rig_, false, nullptr);
     step_ = step.begin_run(source_, densifier);

@@ -58,7 +58,7 @@ class WorkspaceStep {
   /// Throws OutputError if almost nothing in the workspace can be kept: other mission or incompatible options. Not with
   /// --force, nor after a commit by this process. To be called after new_images.
   void refuse_losses() const;
-  void look_at(const Keyframe& keyframe);  ///< with its image
+  void add_image(const Keyframe& keyframe);  ///< with its image
 
   /// Begins a step in an empty workspace without deciding it; returns its name. `densifier`: of the run.
   std::string begin_run(const ImageSource& source, const Densifier& densifier);
@@ -149,11 +149,11 @@ class WorkspaceStep {
 
 /// For runs with --delete-workspace in an empty workspace: otherwise as without workspace, but planes are stored under
 /// the names that a WorkspaceStep expects, for resumption after a kill.
-class PlaneKeeper {
+class PlaneMapWriter {
  public:
   /// All must outlive it. `options`: of the arguments.
-  PlaneKeeper(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
-              const SlamMap& map, const RigMask& rig, const ImageSource& source, TimeAccount& time);
+  PlaneMapWriter(workspace::Workspace& workspace, const Arguments& arguments, const DensifierOptions& options,
+                 const SlamMap& map, const RigMask& rig, const ImageSource& source, TimeAccount& time);
 
   /// For PlannedCallbacks. `densifier`: the caller.
   bool wants_planes(const Densifier& densifier);
