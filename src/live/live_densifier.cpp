@@ -115,8 +115,10 @@ struct LiveDensifier::Impl {
 
   void add(LiveKeyframe keyframe) {
     check_place(keyframe);
+    std::vector<LiveKeyframe> states;
+    states.push_back(state_of(keyframe));  // copied outside the lock
     post([&] {
-      if (knows(keyframe.id)) return move({state_of(keyframe)});
+      if (knows(keyframe.id)) return move(std::move(states));
       check_image_of(keyframe);
       arrive(std::move(keyframe));
     });
@@ -136,18 +138,22 @@ struct LiveDensifier::Impl {
     }
     std::vector<LiveKeyframe> states = states_of(keyframes);
     post([&] {
-      std::vector<const LiveKeyframe*> fresh;
-      for (const LiveKeyframe& keyframe : keyframes) {
+      std::vector<LiveKeyframe> fresh;
+      for (std::size_t i = 0; i < keyframes.size(); ++i) {
+        const LiveKeyframe& keyframe = keyframes[i];
         if (knows(keyframe.id) || keyframe.image.data == nullptr) continue;
         check_image_of(keyframe);
-        fresh.push_back(&keyframe);
+        LiveKeyframe& added = fresh.emplace_back(std::move(states[i]));
+        added.image = keyframe.image;
+        added.prior_depth = keyframe.prior_depth;
+        added.pose_error = keyframe.pose_error;
       }
       std::vector<std::int64_t> gone;
       std::set_difference(known_.begin(), known_.end(), there.begin(), there.end(), std::back_inserter(gone));
       erase_known(gone);
       move(std::move(states));  // ignores new ones
-      std::sort(fresh.begin(), fresh.end(), [](const auto* a, const auto* b) { return a->id < b->id; });
-      for (const LiveKeyframe* keyframe : fresh) arrive(*keyframe);
+      std::sort(fresh.begin(), fresh.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+      for (LiveKeyframe& keyframe : fresh) arrive(std::move(keyframe));
     });
   }
 
@@ -480,22 +486,23 @@ struct LiveDensifier::Impl {
       again = why.what();
     }
     std::deque<Task> dropped_tasks;
-    std::deque<Change> dropped_changes;
     {
       const std::lock_guard<std::mutex> state_lock(state_mutex_);
-      settle_locked();  // ids that a reset has freed may be in use again
-      const std::lock_guard<std::mutex> lock(mutex_);
+      std::unique_lock<std::mutex> lock(mutex_, std::defer_lock);
+      do {  // until no change is pending: ids that it erases may be in use again
+        if (lock.owns_lock()) lock.unlock();
+        settle_locked();
+        lock.lock();
+      } while (!changes_.empty());
       stats_ = sum(stats_, worker_stats_);
       worker_stats_ = {};
       queued_images_ -= std::exchange(taken_images_, 0);
       stats_.failed = !again.empty();
-      if (stats_.failed) {
-        queue_.swap(dropped_tasks);
-        changes_.swap(dropped_changes);
-      }
+      if (stats_.failed) queue_.swap(dropped_tasks);
       if (builder && finishing_) builder->finish();
       std::set<std::int64_t> finished;
-      for (const LiveCloud& cloud : map_.snapshot()->clouds) {
+      const auto snapshot = map_.snapshot();
+      for (const LiveCloud& cloud : snapshot->clouds) {
         if (!cloud.preliminary) finished.insert(cloud.keyframe_id);
       }
       std::vector<std::int64_t> forgotten;
