@@ -2,7 +2,6 @@
 #include "live/live_builder.h"
 
 #include <algorithm>
-#include <set>
 #include <utility>
 
 #include "cost.h"
@@ -159,12 +158,13 @@ void LiveBuilder::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
 void LiveBuilder::set_landmarks(std::int64_t id, const std::vector<Landmark>& landmarks,
                                 const RigidTransform& cam_from_world) {
   LiveNode* const node = find(id);
-  if (node != nullptr && node->passes == 0) {
-    node->take_landmarks(landmarks, cam_from_world);
-  }
+  if (node == nullptr || node->passes > 0) return;
+  node->take_landmarks(landmarks, cam_from_world);
+  if (node->used()) reselect_neighbours_around(*node);
 }
 
 void LiveBuilder::move(const std::vector<LiveMove>& places) {
+  std::set<std::int64_t> left;  // keyframes that have left their map
   for (const LiveMove& place : places) {
     LiveNode* const node = find(place.keyframe_id);
     if (node == nullptr) continue;
@@ -172,6 +172,7 @@ void LiveBuilder::move(const std::vector<LiveMove>& places) {
     if (node->frame) node->frame->pose = place.pose;
     moved_ = true;
     if (node->map_id == place.map_id) continue;
+    left.insert(node->id);
     if (node->used()) leave_sequence(*node);
     node->map_id = place.map_id;
     if (!node->used()) continue;
@@ -180,20 +181,25 @@ void LiveBuilder::move(const std::vector<LiveMove>& places) {
     depth_map_changed(*node);
     reselect_neighbours_around(*node);
   }
+  invalidate_viewed_by(left);
 }
 
 void LiveBuilder::erase(std::int64_t id) {
   LiveNode* const node = find(id);
   if (node == nullptr) return;
   if (preview_) preview_->erase(id);
-  if (lenses_) lenses_->remove(id);
-  if (rig_) rig_->remove(id);
   drop(id);
-  for (auto& [other_id, other] : nodes_) {
-    const auto names = [&](const std::vector<std::int64_t>& ids) {
-      return std::find(ids.begin(), ids.end(), id) != ids.end();
-    };
-    if (names(other.duplicate_views) || names(other.viewers)) invalidate(other, LiveCause::kView);
+  invalidate_viewed_by({id});
+}
+
+/// Invalidates points tested against these keyframes, which are erased or have left their map.
+void LiveBuilder::invalidate_viewed_by(const std::set<std::int64_t>& ids) {
+  if (ids.empty()) return;
+  const auto contains_any = [&](const Ids& views) {
+    return std::any_of(views.begin(), views.end(), [&](std::int64_t id) { return ids.count(id) != 0; });
+  };
+  for (auto& [id, node] : nodes_) {
+    if (contains_any(node.duplicate_views) || contains_any(node.viewers)) invalidate(node, LiveCause::kView);
   }
 }
 
@@ -264,6 +270,7 @@ bool LiveBuilder::work() {
 void LiveBuilder::invalidate(LiveNode& node, LiveCause cause) {
   if (!node.has_map()) return;
   const bool published = node.published_passes > 0;
+  const bool removes_duplicates = duplicate_rounds(densifier_) > 0;
   switch (cause) {
     case LiveCause::kView:
       node.stale.points |= published;
@@ -274,13 +281,13 @@ void LiveBuilder::invalidate(LiveNode& node, LiveCause cause) {
       break;
     case LiveCause::kInputs:
       node.stale.points = true;
-      node.stale.duplicates |= searches_all_;
+      node.stale.duplicates |= removes_duplicates && searches_all_;
       break;
     case LiveCause::kNewPoints:
-      node.stale.duplicates |= searches_all_;
+      node.stale.duplicates |= removes_duplicates && searches_all_;
       break;
     case LiveCause::kOverlap:
-      node.stale.duplicates |= published;
+      node.stale.duplicates |= removes_duplicates && published;
       break;
     case LiveCause::kLenses:
       node.filtered_version = node.fused_version = 0;
@@ -323,7 +330,7 @@ void LiveBuilder::detect_moves() {
       double most = 0.0;
       for (const LiveInput& then : inputs) {
         const LiveNode* const other = find(then.id);
-        if (other == nullptr) continue;
+        if (other == nullptr || other->map_id != node.map_id) continue;
         most = std::max(most, moved_px(then, other->pose, node.pose, node.range, densifier_.width));
       }
       return most;

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -104,6 +105,7 @@ class LiveBuilder {
   /// Marks results stale. The only function that does, but for displacements of source views (detect_moves).
   void invalidate(LiveNode& node, LiveCause cause);
   void depth_map_changed(const LiveNode& node);  ///< invalidates points that depend on the node's depth map
+  void invalidate_viewed_by(const std::set<std::int64_t>& ids);
   void detect_moves();
 
   // Selection (live_choices.cpp).

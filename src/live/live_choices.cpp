@@ -112,7 +112,7 @@ void LiveBuilder::select(LiveNode& node, const Keyframe& keyframe) {
 /// Makes unmatched keyframes around choose source views again.
 void LiveBuilder::reselect_neighbours_around(const LiveNode& node) {
   for (LiveNode* other : around(node, reach_.neighbours, false)) {
-    if (other->passes == 0 && other->frame) other->phase = LivePhase::kSelected;
+    if (other->passes == 0 && other->has_image) other->phase = LivePhase::kSelected;
   }
 }
 
@@ -127,6 +127,8 @@ void LiveBuilder::leave_sequence(LiveNode& node) {
 void LiveBuilder::drop(std::int64_t id) {
   LiveNode& node = nodes_.at(id);
   if (node.used()) leave_sequence(node);
+  if (lenses_) lenses_->remove(id);
+  if (rig_) rig_->remove(id);
   dropped_.emplace_back(id, node.serial);
   nodes_.erase(id);
 }

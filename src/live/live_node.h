@@ -48,7 +48,7 @@ enum class LivePhase {
 /// Causes of stale results, see LiveBuilder::invalidate.
 enum class LiveCause {
   kDepthMap,   ///< a depth map near it was replaced, added or removed
-  kView,       ///< a viewer or duplicate view was erased
+  kView,       ///< a viewer or duplicate view was erased or has left the map
   kInputs,     ///< inputs of its points have moved
   kOverlap,    ///< a keyframe of its map has moved in the world
   kNewPoints,  ///< its points are published again, with duplicates beyond the fusion window

@@ -76,7 +76,6 @@ LiveBuilder::Ids LiveBuilder::next_stale_points() const {
 
 /// Returns the keyframes of the next wide duplicate removal, beyond the fusion window.
 LiveBuilder::Ids LiveBuilder::next_wide() const {
-  if (densifier_.advanced.fusion.spacing_px == 0.0) return {};
   Ids ids;
   for (const auto& [id, node] : nodes_) {
     if (ids.size() < kWideGroup && node.stale.duplicates && node.published_passes > 0 &&
