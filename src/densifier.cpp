@@ -297,7 +297,7 @@ void Pipeline::match(const View& reference, int pass) {
   const PassRange passes = passes_of(reference);
   const bool images_alone =
       part_ && part_->reuse(reference.place) && part_->reuse(reference.place)->images_first && pass == passes.first;
-  task.near = images_alone ? 0 : entry.near.size();
+  task.num_with_planes = images_alone ? 0 : entry.near.size();
   const double scale = reference.keyframe.scale;
   task.range = {std::clamp(entry.range.min / scale, kMinDepth, kMaxDepth),
                 std::clamp(entry.range.max / scale, kMinDepth, kMaxDepth)};

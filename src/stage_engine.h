@@ -469,7 +469,7 @@ class StageEngine final : public Engine {
     for (const Frame* frame : task.neighbours) {
       if (cancelled()) return;
       const StageFrame& neighbour = stage_frame(*frame);
-      const bool lends_planes = task.pass > 0 && sources.maps.size() < task.near;
+      const bool lends_planes = task.pass > 0 && sources.maps.size() < task.num_with_planes;
       sources.neighbours.push_back(cubes_of(neighbour, on));
       sources.maps.push_back(lends_planes ? before(neighbour, task.pass, on) : Planes{});
     }
