@@ -297,7 +297,7 @@ void Pipeline::match(const UsedKeyframe& reference, int pass) {
   const PassRange passes = passes_of(reference);
   const bool photometric = part_ && part_->reuse(reference.entry_index) &&
                            part_->reuse(reference.entry_index)->photometric_first && pass == passes.first;
-  task.near = photometric ? 0 : entry.near.size();
+  task.num_with_planes = photometric ? 0 : entry.near.size();
   const double scale = reference.keyframe.scale;
   task.range = {std::clamp(entry.range.min / scale, kMinDepth, kMaxDepth),
                 std::clamp(entry.range.max / scale, kMinDepth, kMaxDepth)};

@@ -25,7 +25,7 @@ struct EngineResults {
   std::function<void(const KeyframeCloud&)> cloud;
 };
 
-/// References to the Densifier that owns an engine.
+/// Data of the owner of an engine; must outlive it.
 struct EngineContext {
   const DensifierOptions& options;  ///< sizes may be 0 before the first keyframe
   const EngineResults& results;
@@ -35,8 +35,9 @@ struct EngineContext {
   const KeyframeSource& reload_image;
 };
 
-/// Runs the stages on one kind of processor and holds their data. The order of calls must follow the schedule
-/// (src/densifier.cpp); results reach callbacks and statistics in that order. An engine serves one Densifier.
+/// Runs the stages on one kind of processor and holds their data. Each stage requires the results of earlier ones, see
+/// the members; results reach callbacks and statistics in the order of calls. That is the schedule (src/schedule.h) for
+/// Densifier; LiveBuilder and LivePreview choose their own.
 class Engine {
  public:
   /// Accepted keyframe with its artefacts. Must not outlive the engine.
@@ -59,13 +60,13 @@ class Engine {
     Frame* reference = nullptr;
     const Keyframe* keyframe = nullptr;  ///< the reference view, without image and mask
     std::vector<const Frame*> neighbours;
-    std::size_t near = 0;             ///< the first `near` neighbours provide planes, too, the others images only
+    std::size_t num_with_planes = 0;  ///< number of neighbours, the first ones, that also provide planes
     DepthRange range;                 ///< [reference's unit]
     const Frame* previous = nullptr;  ///< its planes are warped into the reference view; nullptr = none
     /// 0 = photometric, else geometric: starts from the map of the previous pass and is compared with those of the
-    /// first `near` neighbours. Neighbours with complete passes provide their final map.
+    /// first `num_with_planes` neighbours. Neighbours with complete passes provide their final map.
     int pass = 0;
-    bool last = true;  ///< the map is complete: emitted and median filtered
+    bool last = true;  ///< filtered and stored as final planes; emitted
     bool skip_weighted_median =
         false;  ///< with `last`: another pass follows before the map is used; no weighted median filter
   };
@@ -107,7 +108,7 @@ class Engine {
   /// For work on the host.
   const Executor& executor() const { return executor_; }
 
-  /// Delivers finished results; called at the end of each Densifier::add (`all` = false) and flush (`all` = true).
+  /// Delivers finished results. `all`: waits for those in flight.
   virtual void deliver(bool all) = 0;
 
  protected:

@@ -27,7 +27,7 @@ struct PlannedCallbacks : DensifierCallbacks {
   std::function<void(const PlanEntry&)> planned;
 };
 
-/// Matching of a keyframe with fewer passes, in a run of a given plan.
+/// MatchArgs of a keyframe with fewer passes, in a run of a given plan.
 struct PlaneReuse {
   /// Available planes of an earlier run (PlannedCallbacks::planes).
   enum class Planes {

@@ -23,8 +23,8 @@
 //
 //   number_of(context), number()   number of processors of an engine; index of this one
 //   mark()                         mark after all work so far
-//   bring(array, count, home, made)            copy of another processor's array, which is complete from `made` on
-//   settle()                       waits for pending copies and releases arrays of other processors
+//   copy_from(array, count, home, made)        copy of another processor's array, which is complete from `made` on
+//   synchronize()                  waits for pending copies and releases arrays of other processors
 //   enter()                        scope of a piece of work, kept until its end
 //   set_size(width, height)        of the depth maps; called first
 //   may_continue()                    false after Densifier::cancel

@@ -477,7 +477,7 @@ class StageEngine final : public Engine {
     for (const Frame* frame : task.neighbours) {
       if (cancelled()) return;
       const StageFrame& neighbour = stage_frame(*frame);
-      const bool has_planes = task.pass > 0 && sources.maps.size() < task.near;
+      const bool has_planes = task.pass > 0 && sources.maps.size() < task.num_with_planes;
       sources.neighbours.push_back(cubes_of(neighbour, on));
       sources.maps.push_back(has_planes ? previous_planes(neighbour, task.pass, on) : Planes{});
     }

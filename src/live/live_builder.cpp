@@ -2,7 +2,6 @@
 #include "live/live_builder.h"
 
 #include <algorithm>
-#include <set>
 #include <utility>
 
 #include "cost.h"
@@ -24,8 +23,8 @@ constexpr double kPhotometricFactor = 3.0;
 constexpr double kRestartFactor = 24.0;
 /// Displacement in the world above which a keyframe may overlap with others than before [rad].
 constexpr double kMinWorldMove = 0.01;
-/// Numbers of passes, besides the full one, after which points are published.
-constexpr int kLevels[] = {2, 3};
+/// Numbers of passes, besides `full_`, after which points are published.
+constexpr int kPublishPasses[] = {2, 3};
 
 DensifierOptions suitable(DensifierOptions options) {
   options.unordered = false;
@@ -125,7 +124,7 @@ std::vector<LiveNode*> LiveBuilder::around(const LiveNode& node, std::size_t rea
   std::vector<LiveNode*> result;
   for (std::size_t i = place > reach ? place - reach : 0; i < std::min(sequence.size(), place + reach + 1); ++i) {
     LiveNode& other = nodes_.at(sequence[i]);
-    if (with_depth && !other.has_map()) continue;
+    if (with_depth && !other.has_depth_map()) continue;
     result.push_back(&other);
   }
   return result;
@@ -140,15 +139,16 @@ void LiveBuilder::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
     if (node.phase != LivePhase::kPending || node.map_id != keyframe.map_id) continue;
     ++node.newer;
     const Eigen::Vector3d center = node.pose.cam_from_world.center();
-    node.at_rest = (center - node.center).norm() <= options_.stable_move * node.range * node.pose.scale;
-    node.center = center;
+    node.at_rest =
+        (center - node.newest_center).norm() <= options_.stable_move * node.landmark_distance * node.pose.scale;
+    node.newest_center = center;
   }
   LiveNode& node = nodes_[keyframe.id];
   node.id = keyframe.id;
   node.serial = serial;
   node.map_id = keyframe.map_id;
   node.pose = {keyframe.cam_from_world, 1.0};
-  node.center = node.pose.cam_from_world.center();
+  node.newest_center = node.pose.cam_from_world.center();
   node.image = keyframe.image;
   node.pose_error = keyframe.pose_error;
   node.prior_depth = keyframe.prior_depth;
@@ -159,41 +159,48 @@ void LiveBuilder::add(const LiveKeyframe& keyframe, std::uint64_t serial) {
 void LiveBuilder::set_landmarks(std::int64_t id, const std::vector<Landmark>& landmarks,
                                 const RigidTransform& cam_from_world) {
   LiveNode* const node = find(id);
-  if (node != nullptr && node->passes == 0) {
-    node->take_landmarks(landmarks, cam_from_world);
-  }
+  if (node == nullptr || node->passes > 0) return;
+  node->take_landmarks(landmarks, cam_from_world);
+  if (node->used()) reselect_neighbours_around(*node);
 }
 
-void LiveBuilder::move(const std::vector<LiveMove>& places) {
-  for (const LiveMove& place : places) {
-    LiveNode* const node = find(place.keyframe_id);
+void LiveBuilder::move(const std::vector<LivePose>& poses) {
+  std::set<std::int64_t> left;  // keyframes that have left their map
+  for (const LivePose& pose : poses) {
+    LiveNode* const node = find(pose.keyframe_id);
     if (node == nullptr) continue;
-    node->pose = place.pose;
-    if (node->frame) node->frame->pose = place.pose;
+    node->pose = pose.pose;
+    if (node->frame) node->frame->pose = pose.pose;
     moved_ = true;
-    if (node->map_id == place.map_id) continue;
+    if (node->map_id == pose.map_id) continue;
+    left.insert(node->id);
     if (node->used()) leave_sequence(*node);
-    node->map_id = place.map_id;
+    node->map_id = pose.map_id;
     if (!node->used()) continue;
-    Sequence& to = sequences_[place.map_id];
+    Sequence& to = sequences_[pose.map_id];
     to.insert(std::lower_bound(to.begin(), to.end(), node->id), node->id);
     depth_map_changed(*node);
     reselect_neighbours_around(*node);
   }
+  invalidate_viewed_by(left);
 }
 
 void LiveBuilder::erase(std::int64_t id) {
   LiveNode* const node = find(id);
   if (node == nullptr) return;
   if (preview_) preview_->erase(id);
-  if (lenses_) lenses_->remove(id);
-  if (rig_) rig_->remove(id);
   drop(id);
-  for (auto& [other_id, other] : nodes_) {
-    const auto names = [&](const std::vector<std::int64_t>& ids) {
-      return std::find(ids.begin(), ids.end(), id) != ids.end();
-    };
-    if (names(other.duplicate_views) || names(other.viewers)) invalidate(other, LiveCause::kView);
+  invalidate_viewed_by({id});
+}
+
+/// Invalidates points tested against these keyframes, which are erased or have left their map.
+void LiveBuilder::invalidate_viewed_by(const std::set<std::int64_t>& ids) {
+  if (ids.empty()) return;
+  const auto contains_any = [&](const Ids& views) {
+    return std::any_of(views.begin(), views.end(), [&](std::int64_t id) { return ids.count(id) != 0; });
+  };
+  for (auto& [id, node] : nodes_) {
+    if (contains_any(node.duplicate_views) || contains_any(node.viewers)) invalidate(node, LiveCause::kView);
   }
 }
 
@@ -205,20 +212,20 @@ void LiveBuilder::stay_within_memory() {
 }
 
 LiveBuilder::Task LiveBuilder::next_task() const {
-  // What a person sees first, then decisions that the passes need: these take little time.
+  // Previews, then selection and calibration, on which passes depend; these are fast.
   if (preview_ && preview_->has_work()) return {Step::kPreview, {}};
   if (const LiveNode* const node = next_stable(false)) return {Step::kDecide, {node->id}};
   if (lenses_ && is_estimate_due(lenses_->keyframes(), lens_keyframes_)) return {Step::kEstimateLenses, {}};
   if (rig_ && is_estimate_due(rig_->keyframes(), rig_keyframes_)) return {Step::kEstimateRig, {}};
   if (const LiveNode* const node = next_selected()) return {Step::kChooseSources, {node->id}};
-  // Points before further passes once a group has them, else all keyframes would be final late.
+  // Points of a complete group before further passes, so that the first points do not wait for all passes.
   if (Ids nodes = next_points(true); nodes.size() >= group()) return {Step::kPublish, std::move(nodes)};
   if (const LiveNode* const node = next_match()) return {Step::kMatch, {node->id}};
   if (Ids nodes = next_points(false); !nodes.empty()) return {Step::kPublish, std::move(nodes)};
   // Corrections, once all keyframes have their points.
   if (const LiveNode* const node = next_rematch()) return {Step::kRematch, {node->id}};
   if (Ids nodes = next_stale_points(); !nodes.empty()) return {Step::kPublish, std::move(nodes)};
-  if (Ids nodes = next_wide(); !nodes.empty()) return {Step::kPublishWide, std::move(nodes)};
+  if (Ids nodes = next_beyond_window(); !nodes.empty()) return {Step::kPublishBeyondWindow, std::move(nodes)};
   if (const LiveNode* const node = next_stable(true)) return {Step::kDecide, {node->id}};
   return {};
 }
@@ -254,7 +261,7 @@ bool LiveBuilder::work() {
     case Step::kPublish:
       publish_points(task.nodes, false);
       break;
-    case Step::kPublishWide:
+    case Step::kPublishBeyondWindow:
       publish_points(task.nodes, true);
       break;
   }
@@ -262,8 +269,9 @@ bool LiveBuilder::work() {
 }
 
 void LiveBuilder::invalidate(LiveNode& node, LiveCause cause) {
-  if (!node.has_map()) return;
+  if (!node.has_depth_map()) return;
   const bool published = node.published_passes > 0;
+  const bool removes_duplicates = duplicate_rounds(densifier_) > 0;
   switch (cause) {
     case LiveCause::kView:
       node.stale.points |= published;
@@ -274,21 +282,21 @@ void LiveBuilder::invalidate(LiveNode& node, LiveCause cause) {
       break;
     case LiveCause::kInputs:
       node.stale.points = true;
-      node.stale.duplicates |= searches_all_;
+      node.stale.duplicates |= removes_duplicates && searches_all_;
       break;
     case LiveCause::kNewPoints:
-      node.stale.duplicates |= searches_all_;
+      node.stale.duplicates |= removes_duplicates && searches_all_;
       break;
     case LiveCause::kOverlap:
-      node.stale.duplicates |= published;
+      node.stale.duplicates |= removes_duplicates && published;
       break;
     case LiveCause::kLenses:
       node.filtered_version = node.fused_version = 0;
       node.stale.points = true;
       if (!can_match(node)) break;
-      node.stale.planes_px = node.deferred_px = 0.0;
-      node.restarted = false;  // same priority as new keyframes
-      node.last_pass_photometric = false;
+      node.stale.planes_px = node.extra_pass_px = 0.0;
+      node.is_rematched = false;  // same priority as new keyframes
+      node.last_pass_was_extra = false;
       node.passes = 0;
       break;
   }
@@ -307,7 +315,8 @@ bool LiveBuilder::is_outdated(const LiveNode& node, const LiveInputs& then, cons
   if (then.size() != now.size()) return true;
   for (std::size_t i = 0; i < then.size(); ++i) {
     if (then[i].id != now[i].id || then[i].version != now[i].version) return true;
-    if (moved_px(then[i], now[i].other, now[i].own, node.range, densifier_.width) > kMaxInputMove) return true;
+    if (moved_px(then[i], now[i].other, now[i].own, node.landmark_distance, densifier_.width) > kMaxInputMove)
+      return true;
   }
   return false;
 }
@@ -316,27 +325,29 @@ bool LiveBuilder::is_outdated(const LiveNode& node, const LiveInputs& then, cons
 void LiveBuilder::detect_moves() {
   if (!moved_) return;
   moved_ = false;
-  std::set<std::int64_t> rearranged;  // maps
+  std::set<std::int64_t> maps_with_moves;
   for (auto& [id, node] : nodes_) {
-    if (!node.has_map()) continue;
+    if (!node.has_depth_map()) continue;
     const auto furthest = [&, &node = node](const LiveInputs& inputs) {
       double most = 0.0;
       for (const LiveInput& then : inputs) {
         const LiveNode* const other = find(then.id);
-        if (other == nullptr) continue;
-        most = std::max(most, moved_px(then, other->pose, node.pose, node.range, densifier_.width));
+        if (other == nullptr || other->map_id != node.map_id) continue;
+        most = std::max(most, moved_px(then, other->pose, node.pose, node.landmark_distance, densifier_.width));
       }
       return most;
     };
-    const double moved = furthest(node.matched);
+    const double moved = furthest(node.matched_inputs);
     if (moved > options_.max_move_px) node.stale.planes_px = moved;
     if (node.published_passes == 0) continue;
-    if (std::max(furthest(node.fused), furthest(node.tested)) > kMaxInputMove) invalidate(node, LiveCause::kInputs);
-    const LiveInput in_world{id, 0, KeyframePose{}, node.wide ? node.wide_pose : node.first_pose};
-    if (moved_angle(in_world, KeyframePose{}, node.pose, node.range) > kMinWorldMove) rearranged.insert(node.map_id);
+    if (std::max(furthest(node.fused_inputs), furthest(node.tested_inputs)) > kMaxInputMove)
+      invalidate(node, LiveCause::kInputs);
+    const LiveInput world_input{id, 0, KeyframePose{}, node.beyond_window ? node.beyond_window_pose : node.first_pose};
+    if (moved_angle(world_input, KeyframePose{}, node.pose, node.landmark_distance) > kMinWorldMove)
+      maps_with_moves.insert(node.map_id);
   }
   for (auto& [id, node] : nodes_) {
-    if (rearranged.count(node.map_id) != 0) invalidate(node, LiveCause::kOverlap);
+    if (maps_with_moves.count(node.map_id) != 0) invalidate(node, LiveCause::kOverlap);
   }
 }
 
@@ -363,61 +374,63 @@ bool LiveBuilder::can_match(const LiveNode& node) const {
                      [&](std::int64_t id) { return neighbour(node, id) != nullptr; });
 }
 
-/// Returns the highest level (number of passes) reached, 0 = none; the full one if it cannot be matched further.
-int LiveBuilder::level_of(const LiveNode& node) const {
+/// Returns the largest number of passes, completed by the keyframe, after which points are published; 0 = none, `full_`
+/// if it cannot be matched further.
+int LiveBuilder::publishable_passes(const LiveNode& node) const {
   if (!lacks_passes(node)) return full_;
-  int level = 0;
-  for (const int passes : kLevels) {
-    if (node.passes >= passes) level = passes;
+  int passes = 0;
+  for (const int each : kPublishPasses) {
+    if (node.passes >= each) passes = each;
   }
-  return level;
+  return passes;
 }
 
-/// Returns the most urgent keyframe that lacks passes: while few do the first one, else one of the lowest level, so
-/// that all have points early; restarted keyframes with points come last. Geometric passes wait for the previous pass
-/// of the source views and, after the first points, for their due photometric ones. After a restart they also wait
-/// until the source views have restarted.
+/// Returns the next keyframe to match: the first one if at most kShortQueue lack passes, else one with the fewest
+/// publishable passes. Rematched keyframes with points come last. Geometric passes wait for the previous pass of the
+/// source views and, after the first points, for their extra photometric passes. After a restart they also wait until
+/// the source views have restarted.
 const LiveNode* LiveBuilder::next_match() const {
   std::vector<const LiveNode*> candidates;
   for (const auto& [map_id, sequence] : sequences_) {
     for (const std::int64_t id : sequence) {
       const LiveNode& node = nodes_.at(id);
-      if (!lacks_passes(node) || restarts(node)) continue;
+      if (!lacks_passes(node) || must_restart(node)) continue;
       candidates.push_back(&node);
     }
   }
+  const double photometric_px = kPhotometricFactor * options_.max_move_px;
   const bool all_at_once = candidates.size() <= kShortQueue;
   const LiveNode* best = nullptr;
   for (const LiveNode* node : candidates) {
     const std::vector<const LiveNode*> near = neighbours_of(*node);
     const bool ready = std::all_of(near.begin(), near.end(), [&](const LiveNode* other) {
-      if (node->passes == 0 || node->needs_photometric_pass(kPhotometricFactor * options_.max_move_px)) return true;
+      if (node->passes == 0 || node->needs_photometric_pass(photometric_px)) return true;
       if (other->phase == LivePhase::kSelected || (other->passes < node->passes && lacks_passes(*other))) return false;
-      if (node->passes >= kLevels[0] && restarts(*other)) return false;
+      if (node->passes >= kPublishPasses[0] && must_restart(*other)) return false;
       const bool has_points = node->published_passes > 0;
-      if (node->restarted && (has_points ? needs_rematch(*other) : restarts(*other))) return false;
-      const bool waits = other->needs_photometric_pass(kPhotometricFactor * options_.max_move_px) && can_match(*other);
-      return (node->passes < kLevels[0] && !(node->restarted && has_points)) ||
+      if (node->is_rematched && (has_points ? needs_rematch(*other) : must_restart(*other))) return false;
+      const bool waits = other->needs_photometric_pass(photometric_px) && can_match(*other);
+      return (node->passes < kPublishPasses[0] && !(node->is_rematched && has_points)) ||
              !waits;  // first points do not wait for photometric passes
     });
     if (!ready) continue;
     const auto urgency = [&](const LiveNode& of) {
-      return (all_at_once ? 0 : level_of(of)) + (of.restarted && of.published_passes > 0 ? full_ : 0);
+      return (all_at_once ? 0 : publishable_passes(of)) + (of.is_rematched && of.published_passes > 0 ? full_ : 0);
     };
     if (best == nullptr || urgency(*node) < urgency(*best)) best = node;
   }
   return best;
 }
 
-/// Whether neighbours have moved so far that its depth map is worthless.
-bool LiveBuilder::restarts(const LiveNode& node) const {
+/// Whether source views have moved so far that its depth map is worthless.
+bool LiveBuilder::must_restart(const LiveNode& node) const {
   return node.passes > 0 && node.stale.planes_px > kRestartFactor * options_.max_move_px && can_match(node);
 }
 
-/// Whether all passes must be run again: neighbours have moved since the last photometric pass, or before one in
-/// between. Without `restarts` the remaining passes are run first.
+/// Whether all passes must be run again, since source views have moved. Unless must_restart, after the remaining
+/// passes.
 bool LiveBuilder::needs_rematch(const LiveNode& node) const {
-  return restarts(node) || (node.passes >= full_ && node.displacement_px() > 0.0 && can_match(node));
+  return must_restart(node) || (node.passes >= full_ && node.rematch_px() > 0.0 && can_match(node));
 }
 
 /// Returns the previous keyframe of its sequence; nullptr for the first one.
@@ -432,10 +445,10 @@ const LiveNode* LiveBuilder::next_rematch() const {
   const LiveNode* worst = nullptr;
   for (const auto& [id, node] : nodes_) {
     if (!needs_rematch(node)) continue;
-    if (worst == nullptr || node.displacement_px() > worst->displacement_px()) worst = &node;
+    if (worst == nullptr || node.rematch_px() > worst->rematch_px()) worst = &node;
   }
   if (worst == nullptr) return nullptr;
-  for (const LiveNode* before = previous_of(*worst); before != nullptr && restarts(*before);
+  for (const LiveNode* before = previous_of(*worst); before != nullptr && must_restart(*before);
        before = previous_of(*worst)) {
     worst = before;
   }
@@ -445,9 +458,9 @@ const LiveNode* LiveBuilder::next_rematch() const {
 /// Matches a keyframe again, from the first pass.
 void LiveBuilder::rematch(LiveNode& node) {
   ++stats_.matched_again;
-  node.restarted = node.published_passes > 0 || restarts(node);
+  node.is_rematched = node.published_passes > 0 || must_restart(node);
   node.passes = 0;
-  node.deferred_px = 0.0;
+  node.extra_pass_px = 0.0;
   match(node);
 }
 
@@ -458,35 +471,37 @@ void LiveBuilder::match(LiveNode& node) {
   task.reference = node.frame.get();
   task.keyframe = &keyframe;
   LiveInputs inputs;
-  // Maps from before a move confirm each other and would keep the planes from following: such neighbours provide images
-  // only, and a photometric pass comes in between.
-  const double far = kPhotometricFactor * options_.max_move_px;
+  // Depth maps from before a move agree with each other and would keep the planes at old positions. Such source views
+  // provide images only, and an extra photometric pass is run.
+  const double photometric_px = kPhotometricFactor * options_.max_move_px;
   std::vector<const LiveNode*> neighbours = neighbours_of(node);
-  const auto outdated = std::stable_partition(neighbours.begin(), neighbours.end(),
-                                              [&](const LiveNode* near) { return near->stale.planes_px <= far; });
+  const auto outdated = std::stable_partition(neighbours.begin(), neighbours.end(), [&](const LiveNode* near) {
+    return near->stale.planes_px <= photometric_px;
+  });
   for (const LiveNode* near : neighbours) {
     task.neighbours.push_back(near->frame.get());
     inputs.push_back(input(*near, node, near->planes_version));
   }
-  const bool in_between = node.needs_photometric_pass(far);
-  if (in_between) node.deferred_px = node.stale.planes_px;
-  const bool photometric = node.passes == 0 || in_between;
-  task.near = photometric ? 0 : static_cast<std::size_t>(outdated - neighbours.begin());
-  task.range = node.depths;
+  const bool is_extra_pass = node.needs_photometric_pass(photometric_px);
+  if (is_extra_pass) node.extra_pass_px = node.stale.planes_px;
+  const bool photometric = node.passes == 0 || is_extra_pass;
+  task.num_with_planes = photometric ? 0 : static_cast<std::size_t>(outdated - neighbours.begin());
+  task.range = node.depth_range;
   if (node.passes == 0 && densifier_.advanced.init.warp_previous) {
     const LiveNode* const previous = previous_of(node);
-    if (previous != nullptr && previous->has_map() && !restarts(*previous)) task.previous = previous->frame.get();
+    if (previous != nullptr && previous->has_depth_map() && !must_restart(*previous))
+      task.previous = previous->frame.get();
   }
   task.pass = std::min(node.passes, std::max(1, full_ - 1));
-  task.skip_weighted_median = node.passes + 1 < std::min(kLevels[0], full_);
+  task.skip_weighted_median = node.passes + 1 < std::min(kPublishPasses[0], full_);
   engine_->match(task);
   if (!node.frame->matched) return;  // cancelled
   ++stats_.passes;
-  node.last_pass_photometric = in_between;
-  if (!in_between) ++node.passes;
+  node.last_pass_was_extra = is_extra_pass;
+  if (!is_extra_pass) ++node.passes;
   node.planes_version = ++last_result_;
   if (photometric) {
-    node.matched = std::move(inputs);
+    node.matched_inputs = std::move(inputs);
     node.stale.planes_px = 0.0;
   }
   depth_map_changed(node);
@@ -500,9 +515,9 @@ void LiveBuilder::filter(LiveNode& node) {
     others.push_back(other->frame.get());
     inputs.push_back(input(*other, node, other->planes_version));
   }
-  if (node.filtered_version != 0 && !is_outdated(node, node.filtered, inputs)) return;
+  if (node.filtered_version != 0 && !is_outdated(node, node.filtered_inputs, inputs)) return;
   engine_->filter(*node.frame, others);
-  node.filtered = std::move(inputs);
+  node.filtered_inputs = std::move(inputs);
   node.filtered_version = ++last_result_;
 }
 
@@ -515,10 +530,10 @@ void LiveBuilder::fuse(LiveNode& node) {
     inputs.push_back(input(*other, node, other->filtered_version));
     frames.push_back(other->frame.get());
   }
-  if (node.fused_version != 0 && !is_outdated(node, node.fused, inputs)) return;
+  if (node.fused_version != 0 && !is_outdated(node, node.fused_inputs, inputs)) return;
   const auto current = std::find(window.begin(), window.end(), &node);
   engine_->fuse(*node.frame, frames, static_cast<std::size_t>(current - window.begin()));
-  node.fused = std::move(inputs);
+  node.fused_inputs = std::move(inputs);
   node.fused_version = ++last_result_;
 }
 
@@ -539,7 +554,8 @@ std::size_t LiveBuilder::bytes() const {
   return bytes;
 }
 
-/// Releases images, then all other data, of keyframes that have points or get none, the farthest from the newest first.
+/// Releases images, then all other data, of keyframes that are published or have no depth, the farthest from the newest
+/// first.
 void LiveBuilder::make_room() {
   const std::size_t most = most_bytes();
   std::size_t now = bytes();
@@ -583,7 +599,7 @@ LiveBacklog LiveBuilder::backlog() const {
     if (node.published_passes == 0) {
       ++backlog.waiting;
     } else if (node.stale.points || node.stale.duplicates || lacks_passes(node) ||
-               (node.displacement_px() > 0.0 && can_match(node))) {
+               (node.rematch_px() > 0.0 && can_match(node))) {
       ++backlog.refining;
     }
   }

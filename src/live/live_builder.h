@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -40,7 +41,7 @@ class LiveBuilder {
 
   /// `serial`: unique among all added keyframes, even if an id is reused.
   void add(const LiveKeyframe& keyframe, std::uint64_t serial);
-  void move(const std::vector<LiveMove>& places);
+  void move(const std::vector<LivePose>& poses);
   void set_landmarks(std::int64_t id, const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
   void erase(std::int64_t id);
   void finish() { finishing_ = true; }
@@ -86,11 +87,11 @@ class LiveBuilder {
     kDecide,   ///< kPending -> kSelected, or drop
     kEstimateLenses,
     kEstimateRig,
-    kChooseSources,  ///< kSelected -> kMatching or kNoDepth
-    kMatch,          ///< next pass
-    kRematch,        ///< first pass again
-    kPublish,        ///< points
-    kPublishWide     ///< points without duplicates beyond the fusion window
+    kChooseSources,       ///< kSelected -> kMatching or kNoDepth
+    kMatch,               ///< next pass
+    kRematch,             ///< first pass again
+    kPublish,             ///< points
+    kPublishBeyondWindow  ///< points without duplicates beyond the fusion window
   };
   using Ids = std::vector<std::int64_t>;
   struct Task {
@@ -101,9 +102,10 @@ class LiveBuilder {
   /// Returns the most urgent task; kNone = idle.
   Task next_task() const;
 
-  /// Marks results stale. The only function that does, but for displacements of source views (detect_moves).
+  /// Marks results stale, except depth maps of moved source views (detect_moves).
   void invalidate(LiveNode& node, LiveCause cause);
   void depth_map_changed(const LiveNode& node);  ///< invalidates points that depend on the node's depth map
+  void invalidate_viewed_by(const std::set<std::int64_t>& ids);
   void detect_moves();
 
   // Selection (live_choices.cpp).
@@ -138,9 +140,9 @@ class LiveBuilder {
   const LiveNode* neighbour(const LiveNode& node, std::int64_t id) const;
   std::vector<const LiveNode*> neighbours_of(const LiveNode& node) const;
   bool can_match(const LiveNode& node) const;
-  int level_of(const LiveNode& node) const;
+  int publishable_passes(const LiveNode& node) const;
   bool lacks_passes(const LiveNode& node) const { return node.passes < full_ && can_match(node); }
-  bool restarts(const LiveNode& node) const;
+  bool must_restart(const LiveNode& node) const;
   bool needs_rematch(const LiveNode& node) const;
   const LiveNode* previous_of(const LiveNode& node) const;
   const LiveNode* next_match() const;
@@ -151,15 +153,15 @@ class LiveBuilder {
   void fuse(LiveNode& node);
 
   // Points (live_points.cpp).
-  int shared_level_of(const LiveNode& node) const;
+  int shared_publishable_passes(const LiveNode& node) const;
   std::size_t group() const;
   template <class IsNext>
   Ids first_group(const IsNext& is_next) const;
   Ids next_points(bool before_matching) const;
   Ids next_stale_points() const;
-  Ids next_wide() const;
-  void publish_points(const Ids& ids, bool wide);
-  void choose_test_views(LiveNode& node);
+  Ids next_beyond_window() const;
+  void publish_points(const Ids& ids, bool beyond_window);
+  void choose_viewers_and_duplicate_views(LiveNode& node);
   std::vector<LiveNode*> with_depth(const Ids& ids, std::int64_t map_id);
 
   bool is_outdated(const LiveNode& node, const LiveInputs& then, const LiveInputs& now) const;
@@ -187,7 +189,7 @@ class LiveBuilder {
   OnError on_error_;
   EngineResults results_;
   DensifierStats engine_stats_;
-  KeyframeSource reload_image_;  ///< never set
+  KeyframeSource reload_image_;  ///< empty: the engine retains prepared images
   std::string backend_;
   std::unique_ptr<Engine> engine_;  ///< declared before the nodes, whose frames must not outlive it
   std::unique_ptr<LivePreview> preview_;

@@ -15,7 +15,7 @@
 namespace pmsp {
 namespace {
 
-/// Distance within which keyframes count as redundant, relative to the median range of the landmarks.
+/// Distance within which keyframes count as redundant, relative to the median distance of the landmarks.
 constexpr double kRedundantDistance = 0.15;
 /// Maximum number of used keyframes within that distance.
 constexpr int kEnough = 12;
@@ -69,7 +69,7 @@ bool LiveBuilder::is_crowded(const LiveNode& node) const {
   const auto sequence = sequences_.find(node.map_id);
   if (sequence == sequences_.end()) return false;
   const Eigen::Vector3d center = node.pose.cam_from_world.center();
-  const double reach = kRedundantDistance * node.range * node.pose.scale;
+  const double reach = kRedundantDistance * node.landmark_distance * node.pose.scale;
   return std::count_if(sequence->second.begin(), sequence->second.end(), [&](std::int64_t id) {
            return (nodes_.at(id).pose.cam_from_world.center() - center).norm() <= reach;
          }) >= kEnough;
@@ -112,7 +112,7 @@ void LiveBuilder::select(LiveNode& node, const Keyframe& keyframe) {
 /// Makes unmatched keyframes around choose source views again.
 void LiveBuilder::reselect_neighbours_around(const LiveNode& node) {
   for (LiveNode* other : around(node, reach_.neighbours, false)) {
-    if (other->passes == 0 && other->frame) other->phase = LivePhase::kSelected;
+    if (other->passes == 0 && other->has_image) other->phase = LivePhase::kSelected;
   }
 }
 
@@ -127,12 +127,14 @@ void LiveBuilder::leave_sequence(LiveNode& node) {
 void LiveBuilder::drop(std::int64_t id) {
   LiveNode& node = nodes_.at(id);
   if (node.used()) leave_sequence(node);
+  if (lenses_) lenses_->remove(id);
+  if (rig_) rig_->remove(id);
   dropped_.emplace_back(id, node.serial);
   nodes_.erase(id);
 }
 
 /// If too many keyframes wait for their first depth map, or memory is full, drops the most redundant of them: the one
-/// whose neighbours in the sequence are closest, relative to the range of its landmarks. Returns whether one was
+/// whose neighbours in the sequence are closest, relative to the distance of its landmarks. Returns whether one was
 /// dropped.
 bool LiveBuilder::drop_late() {
   int waiting = 0;
@@ -146,7 +148,7 @@ bool LiveBuilder::drop_late() {
       if (i == 0 || i + 1 == sequence.size()) continue;
       const Eigen::Vector3d before = nodes_.at(sequence[i - 1]).pose.cam_from_world.center();
       const Eigen::Vector3d after = nodes_.at(sequence[i + 1]).pose.cam_from_world.center();
-      const double gap = (after - before).norm() / std::max(node.range * node.pose.scale, 1e-12);
+      const double gap = (after - before).norm() / std::max(node.landmark_distance * node.pose.scale, 1e-12);
       if (gap < least_gap) {
         least_gap = gap;
         least = node.id;
@@ -195,8 +197,8 @@ void LiveBuilder::choose_sources(LiveNode& node) {
   for (const std::size_t k : choose_neighbours(sequence, own, densifier_.advanced.patchmatch.neighbours)) {
     node.near.push_back(sequence[k]->id);
   }
-  node.depths = depth_range(keyframes[own], densifier_.advanced.init);
-  const bool has_depth = !node.near.empty() && node.depths.max > node.depths.min;
+  node.depth_range = depth_range(keyframes[own], densifier_.advanced.init);
+  const bool has_depth = !node.near.empty() && node.depth_range.max > node.depth_range.min;
   node.phase = has_depth ? LivePhase::kMatching : LivePhase::kNoDepth;
 }
 

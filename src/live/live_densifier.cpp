@@ -27,8 +27,8 @@
 namespace pmsp {
 namespace {
 
-/// Number of newest keyframes of a map that get new landmarks; older ones are matched already.
-constexpr std::size_t kUnmatched = 128;
+/// Number of newest keyframes of a map, rejected ones included, whose landmarks are updated.
+constexpr std::size_t kRecentKeyframes = 128;
 
 /// Returns free heap memory to the system. Large arrays are part of the heap, too: glibc raises the size from which it
 /// maps them separately to that of the largest array freed.
@@ -38,7 +38,7 @@ void trim_heap() {
 #endif
 }
 
-void check_place(const LiveKeyframe& keyframe) {
+void check_state(const LiveKeyframe& keyframe) {
   const std::string who = "keyframe " + std::to_string(keyframe.id) + ": ";
   check_pose(who, keyframe.cam_from_world);
   check_landmarks(who, keyframe.landmarks);
@@ -64,9 +64,9 @@ void LiveOptions::validate() const {
   check_option("max_move_px", max_move_px, 0.001, 100.0);
 }
 
-/// Calls only check and queue their changes. `settle` applies these to tracker and map, before any of the two is read,
-/// and queues them for the worker, whose builder has no other access to data of the callers. Estimation of scales thus
-/// runs on threads that read, never on those of a SLAM that holds its own locks.
+/// Public calls validate and queue their changes. `apply_changes` applies these to tracker and map before public reads
+/// and publication, and forwards them to the worker. Scales are therefore estimated on reading threads or the worker,
+/// never on a calling SLAM thread.
 struct LiveDensifier::Impl {
   Impl(const LiveOptions& options, LiveCallbacks callbacks) : options_(options), callbacks_(std::move(callbacks)) {
     options_.validate();
@@ -74,11 +74,10 @@ struct LiveDensifier::Impl {
     std::exception_ptr failed;
     bool begun = false;
     worker_ = std::thread([&] {
-      std::unique_ptr<LiveBuilder> builder;
       std::exception_ptr why;
       try {
         run_at_low_priority(options_.nice);
-        builder = make_builder();
+        builder_ = make_builder();
       } catch (...) {
         why = std::current_exception();
       }
@@ -86,10 +85,10 @@ struct LiveDensifier::Impl {
         const std::lock_guard<std::mutex> lock(mutex_);
         failed = why;
         begun = true;
-        if (builder) backend_ = builder->backend();
+        if (builder_) backend_ = builder_->backend();
       }
       changed_.notify_all();
-      if (builder) work(std::move(builder));
+      if (builder_) work(builder_);
     });
     {
       std::unique_lock<std::mutex> lock(mutex_);
@@ -108,17 +107,20 @@ struct LiveDensifier::Impl {
     }
     changed_.notify_all();
     worker_.join();
+    builder_.reset();  // at the priority of this thread
     trim_heap();
   }
 
   // ---- callers ----
 
   void add(LiveKeyframe keyframe) {
-    check_place(keyframe);
+    check_state(keyframe);
+    std::vector<LiveKeyframe> states;
+    states.push_back(state_of(keyframe));  // copied outside the lock
     post([&] {
-      if (knows(keyframe.id)) return move({state_of(keyframe)});
+      if (knows(keyframe.id)) return move(std::move(states));
       check_image_of(keyframe);
-      arrive(std::move(keyframe));
+      queue_new(std::move(keyframe));
     });
   }
 
@@ -136,18 +138,22 @@ struct LiveDensifier::Impl {
     }
     std::vector<LiveKeyframe> states = states_of(keyframes);
     post([&] {
-      std::vector<const LiveKeyframe*> fresh;
-      for (const LiveKeyframe& keyframe : keyframes) {
+      std::vector<LiveKeyframe> fresh;
+      for (std::size_t i = 0; i < keyframes.size(); ++i) {
+        const LiveKeyframe& keyframe = keyframes[i];
         if (knows(keyframe.id) || keyframe.image.data == nullptr) continue;
         check_image_of(keyframe);
-        fresh.push_back(&keyframe);
+        LiveKeyframe& added = fresh.emplace_back(std::move(states[i]));
+        added.image = keyframe.image;
+        added.prior_depth = keyframe.prior_depth;
+        added.pose_error = keyframe.pose_error;
       }
       std::vector<std::int64_t> gone;
       std::set_difference(known_.begin(), known_.end(), there.begin(), there.end(), std::back_inserter(gone));
       erase_known(gone);
       move(std::move(states));  // ignores new ones
-      std::sort(fresh.begin(), fresh.end(), [](const auto* a, const auto* b) { return a->id < b->id; });
-      for (const LiveKeyframe* keyframe : fresh) arrive(*keyframe);
+      std::sort(fresh.begin(), fresh.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+      for (LiveKeyframe& keyframe : fresh) queue_new(std::move(keyframe));
     });
   }
 
@@ -170,7 +176,7 @@ struct LiveDensifier::Impl {
         map_.reset();
       });
       finishing_ = false;
-      queued_images_ = taken_images_ = 0;
+      queued_keyframes_ = taken_keyframes_ = 0;
       cancel_.store(true, std::memory_order_relaxed);  // work in progress is obsolete
     });
   }
@@ -200,13 +206,13 @@ struct LiveDensifier::Impl {
   LiveBacklog backlog() const {
     const std::lock_guard<std::mutex> lock(mutex_);
     LiveBacklog backlog = backlog_;
-    backlog.unstable += queued_images_;
+    backlog.unstable += queued_keyframes_;
     backlog.idle = is_idle();
     return backlog;
   }
 
   const LiveMap& map() {
-    settle();
+    apply_changes();
     return map_;
   }
   std::string backend() const {
@@ -243,7 +249,7 @@ struct LiveDensifier::Impl {
     std::vector<LiveKeyframe> states;
     states.reserve(keyframes.size());
     for (const LiveKeyframe& keyframe : keyframes) {
-      check_place(keyframe);
+      check_state(keyframe);
       states.push_back(state_of(keyframe));
     }
     return states;
@@ -253,9 +259,9 @@ struct LiveDensifier::Impl {
 
   bool knows(std::int64_t id) const { return known_.count(id) != 0; }
 
-  void arrive(LiveKeyframe keyframe) {
+  void queue_new(LiveKeyframe keyframe) {
     ++stats_.added;
-    ++queued_images_;
+    ++queued_keyframes_;
     finishing_ = false;
     known_.insert(keyframe.id);
     changes_.emplace_back([this, keyframe = std::move(keyframe), serial = ++serial_]() mutable {
@@ -267,13 +273,13 @@ struct LiveDensifier::Impl {
 
   void move(std::vector<LiveKeyframe> states) {
     changes_.emplace_back([this, states = std::move(states)]() mutable {
-      std::vector<LiveMove> moved = tracker_.move(states);
+      std::vector<LivePose> moved = tracker_.move(states);
       if (!moved.empty()) {
         map_.move(moved);
         enqueue({[moved = std::move(moved)](LiveBuilder& builder) { builder.move(moved); }});
       }
       for (LiveKeyframe& state : states) {
-        if (state.landmarks.empty() || !tracker_.is_recent(state.id, kUnmatched)) continue;
+        if (state.landmarks.empty() || !tracker_.is_recent(state.id, kRecentKeyframes)) continue;
         enqueue({[state = std::move(state)](LiveBuilder& builder) {
           builder.set_landmarks(state.id, state.landmarks, state.cam_from_world);
         }});
@@ -308,20 +314,20 @@ struct LiveDensifier::Impl {
     std::uint64_t generation = 0;  ///< obsolete after a further reset
   };
 
-  /// Applies the changes of the callers. Calls after it see these of all calls before it.
-  void settle() {
+  /// Applies all changes queued before the call.
+  void apply_changes() {
     const std::lock_guard<std::mutex> lock(state_mutex_);
-    settle_locked();
+    apply_changes_locked();
   }
 
   // With `state_mutex_` locked.
 
-  void settle_locked() {
+  void apply_changes_locked() {
     std::deque<Change> changes;
     {
       const std::lock_guard<std::mutex> lock(mutex_);
       changes.swap(changes_);
-      settled_generation_ = generation_;
+      applied_generation_ = generation_;
     }
     for (Change& change : changes) change();
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -329,7 +335,7 @@ struct LiveDensifier::Impl {
   }
 
   void enqueue(Task task) {
-    task.generation = settled_generation_;
+    task.generation = applied_generation_;
     const std::lock_guard<std::mutex> lock(mutex_);
     queue_.push_back(std::move(task));
   }
@@ -364,7 +370,7 @@ struct LiveDensifier::Impl {
     LiveVersion version = 0;
     {
       const std::lock_guard<std::mutex> lock(state_mutex_);
-      settle_locked();
+      apply_changes_locked();
       if (tracker_.serial_of(cloud.keyframe_id) != serial) return;
       map_.publish(tracker_.pose_of(cloud.keyframe_id), std::move(copy), preliminary);
       version = map_.version();
@@ -395,7 +401,7 @@ struct LiveDensifier::Impl {
     if (callbacks_.on_error) call([&] { callbacks_.on_error(text); });
   }
 
-  void work(std::unique_ptr<LiveBuilder> builder) {
+  void work(std::unique_ptr<LiveBuilder>& builder) {
     std::uint64_t generation = 0;  // of the builder
     while (true) {
       {
@@ -405,7 +411,7 @@ struct LiveDensifier::Impl {
         });
       }
       try {
-        settle();
+        apply_changes();
         std::deque<Task> tasks;
         bool restart = false;
         bool paused = false;
@@ -418,8 +424,8 @@ struct LiveDensifier::Impl {
           tasks.swap(queue_);
           for (const Task& task : tasks) {
             if (task.generation != generation || task.serial == 0) continue;
-            taken_ = task.serial;
-            ++taken_images_;
+            taken_serial_ = task.serial;
+            ++taken_keyframes_;
           }
           if (restart) stats_ = sum(stats_, worker_stats_);
           if (restart) worker_stats_ = {};
@@ -457,7 +463,7 @@ struct LiveDensifier::Impl {
       if (map_.remove_preliminary(dropped)) version = map_.version();
       const std::lock_guard<std::mutex> lock(mutex_);
       backend_ = builder.backend();
-      queued_images_ -= std::exchange(taken_images_, 0);
+      queued_keyframes_ -= std::exchange(taken_keyframes_, 0);
       worker_stats_ = stats;
       backlog_ = backlog;
       idle_ = idle && queue_.empty() && changes_.empty();
@@ -480,27 +486,28 @@ struct LiveDensifier::Impl {
       again = why.what();
     }
     std::deque<Task> dropped_tasks;
-    std::deque<Change> dropped_changes;
     {
       const std::lock_guard<std::mutex> state_lock(state_mutex_);
-      settle_locked();  // ids that a reset has freed may be in use again
-      const std::lock_guard<std::mutex> lock(mutex_);
+      std::unique_lock<std::mutex> lock(mutex_, std::defer_lock);
+      do {  // until no change is pending: ids that it erases may be in use again
+        if (lock.owns_lock()) lock.unlock();
+        apply_changes_locked();
+        lock.lock();
+      } while (!changes_.empty());
       stats_ = sum(stats_, worker_stats_);
       worker_stats_ = {};
-      queued_images_ -= std::exchange(taken_images_, 0);
+      queued_keyframes_ -= std::exchange(taken_keyframes_, 0);
       stats_.failed = !again.empty();
-      if (stats_.failed) {
-        queue_.swap(dropped_tasks);
-        changes_.swap(dropped_changes);
-      }
+      if (stats_.failed) queue_.swap(dropped_tasks);
       if (builder && finishing_) builder->finish();
       std::set<std::int64_t> finished;
-      for (const LiveCloud& cloud : map_.snapshot()->clouds) {
+      const auto snapshot = map_.snapshot();
+      for (const LiveCloud& cloud : snapshot->clouds) {
         if (!cloud.preliminary) finished.insert(cloud.keyframe_id);
       }
       std::vector<std::int64_t> forgotten;
       for (const std::int64_t id : tracker_.ids()) {
-        if (finished.count(id) == 0 && tracker_.serial_of(id) <= taken_) forgotten.push_back(id);
+        if (finished.count(id) == 0 && tracker_.serial_of(id) <= taken_serial_) forgotten.push_back(id);
       }
       for (const std::int64_t id : forgotten) {
         tracker_.erase(id);
@@ -519,26 +526,27 @@ struct LiveDensifier::Impl {
   mutable std::mutex mutex_;  ///< for short work only
   mutable std::condition_variable changed_;
   std::set<std::int64_t> known_;  ///< keyframes of the callers
-  std::deque<Change> changes_;    ///< of the callers, for `settle`
+  std::deque<Change> changes_;    ///< of the callers, for `apply_changes`
   std::deque<Task> queue_;        ///< changes for the worker
   std::mutex state_mutex_;        ///< of the following three; locked before `mutex_`
   LiveTracker tracker_;
   LiveMap map_;
-  std::uint64_t settled_generation_ = 0;  ///< `generation_` at the last `settle`
-  std::int64_t queued_images_ = 0;        ///< new keyframes that are not in `backlog_`
-  std::int64_t taken_images_ = 0;         ///< number of these in the worker
+  std::uint64_t applied_generation_ = 0;  ///< `generation_` at the last `apply_changes`
+  std::int64_t queued_keyframes_ = 0;     ///< new keyframes that are not in `backlog_`
+  std::int64_t taken_keyframes_ = 0;      ///< part of `queued_keyframes_` already taken by the worker
   std::uint64_t generation_ = 0;          ///< number of resets
   bool paused_ = false;
   bool idle_ = true;
   bool stop_ = false;
-  bool finishing_ = false;    ///< `finish` was called after the last keyframe
-  std::uint64_t serial_ = 0;  ///< of the newest keyframe
-  std::uint64_t taken_ = 0;   ///< of the newest keyframe taken by the worker
+  bool finishing_ = false;          ///< `finish` was called after the last keyframe
+  std::uint64_t serial_ = 0;        ///< of the newest keyframe
+  std::uint64_t taken_serial_ = 0;  ///< of the newest keyframe taken by the worker
   std::atomic<bool> cancel_{false};
   LiveStats stats_;         ///< without the current builder
   LiveStats worker_stats_;  ///< of the current builder
   LiveBacklog backlog_;
   std::string backend_;
+  std::unique_ptr<LiveBuilder> builder_;  ///< of the worker while it runs
   std::thread worker_;
 };
 

@@ -6,28 +6,28 @@
 
 namespace pmsp {
 
-void LiveMap::publish(const LiveMove& place, std::shared_ptr<const KeyframeCloud> cloud, bool preliminary) {
+void LiveMap::publish(const LivePose& pose, std::shared_ptr<const KeyframeCloud> cloud, bool preliminary) {
   std::shared_ptr<const KeyframeCloud> replaced;  // freed outside the lock
   const std::lock_guard<std::mutex> lock(mutex_);
   ++version_;
-  Entry& entry = entries_[place.keyframe_id];
+  Entry& entry = entries_[pose.keyframe_id];
   replaced = std::move(entry.cloud.cloud);
   if (!replaced) entry.added_version = version_;
-  const bool moved = !replaced || entry.cloud.pose != place.pose || entry.cloud.map_id != place.map_id;
+  const bool moved = !replaced || entry.cloud.pose != pose.pose || entry.cloud.map_id != pose.map_id;
   const LiveVersion pose_since = moved ? version_ : entry.cloud.pose_since;
-  entry.cloud = {place.keyframe_id, place.map_id, place.pose, std::move(cloud), preliminary, version_, pose_since};
+  entry.cloud = {pose.keyframe_id, pose.map_id, pose.pose, std::move(cloud), preliminary, version_, pose_since};
 }
 
-void LiveMap::move(const std::vector<LiveMove>& places) {
+void LiveMap::move(const std::vector<LivePose>& poses) {
   const std::lock_guard<std::mutex> lock(mutex_);
   const LiveVersion next = version_ + 1;
-  for (const LiveMove& place : places) {
-    const auto found = entries_.find(place.keyframe_id);
+  for (const LivePose& pose : poses) {
+    const auto found = entries_.find(pose.keyframe_id);
     if (found == entries_.end()) continue;
     LiveCloud& cloud = found->second.cloud;
-    if (cloud.pose == place.pose && cloud.map_id == place.map_id) continue;
-    cloud.pose = place.pose;
-    cloud.map_id = place.map_id;
+    if (cloud.pose == pose.pose && cloud.map_id == pose.map_id) continue;
+    cloud.pose = pose.pose;
+    cloud.map_id = pose.map_id;
     cloud.pose_since = next;
     version_ = next;
   }
@@ -42,7 +42,7 @@ void LiveMap::remove(const std::vector<std::int64_t>& keyframe_ids) {
     if (found == entries_.end()) continue;
     gone.push_back(std::move(found->second));
     entries_.erase(found);
-    gone_[id].push_back({gone.back().added_version, next});
+    removed_[id].push_back({gone.back().added_version, next});
     version_ = next;
   }
 }
@@ -64,8 +64,8 @@ void LiveMap::reset() {
   std::map<std::int64_t, Entry> gone;  // freed outside the lock
   const std::lock_guard<std::mutex> lock(mutex_);
   gone.swap(entries_);
-  gone_.clear();
-  began_ = ++version_;
+  removed_.clear();
+  reset_version_ = ++version_;
 }
 
 LiveVersion LiveMap::version() const {
@@ -90,11 +90,11 @@ LiveChanges LiveMap::changes_since(LiveVersion since) const {
   LiveChanges changes;
   changes.from = std::min(since, version_);
   changes.to = version_;
-  changes.reset = changes.from < began_;
+  changes.reset = changes.from < reset_version_;
   for (const auto& [id, entry] : entries_) {
     const LiveCloud& cloud = entry.cloud;
     if (changes.reset || entry.added_version > changes.from) {
-      const bool replaced = !changes.reset && was_there(id, changes.from);  // removed and added again
+      const bool replaced = !changes.reset && had_points(id, changes.from);  // removed and added again
       (replaced ? changes.replaced : changes.added).push_back(cloud);
     } else if (cloud.cloud_since > changes.from) {
       changes.replaced.push_back(cloud);
@@ -103,18 +103,18 @@ LiveChanges LiveMap::changes_since(LiveVersion since) const {
     }
   }
   if (changes.reset) return changes;
-  for (const auto& [id, stays] : gone_) {
-    if (entries_.count(id) == 0 && was_there(id, changes.from)) changes.removed.push_back(id);
+  for (const auto& [id, intervals] : removed_) {
+    if (entries_.count(id) == 0 && had_points(id, changes.from)) changes.removed.push_back(id);
   }
   return changes;
 }
 
 /// Whether a keyframe that was removed later had points at a version.
-bool LiveMap::was_there(std::int64_t id, LiveVersion at) const {
-  const auto gone = gone_.find(id);
-  if (gone == gone_.end()) return false;
+bool LiveMap::had_points(std::int64_t id, LiveVersion at) const {
+  const auto gone = removed_.find(id);
+  if (gone == removed_.end()) return false;
   return std::any_of(gone->second.begin(), gone->second.end(),
-                     [&](const VersionInterval& stay) { return stay.since <= at && at < stay.until; });
+                     [&](const VersionInterval& interval) { return interval.since <= at && at < interval.until; });
 }
 
 }  // namespace pmsp

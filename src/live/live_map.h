@@ -12,8 +12,8 @@
 
 namespace pmsp {
 
-/// New pose and map of a keyframe.
-struct LiveMove {
+/// Pose of a keyframe and id of its SLAM map.
+struct LivePose {
   std::int64_t keyframe_id = 0;
   KeyframePose pose;
   std::int64_t map_id = 0;
@@ -24,10 +24,10 @@ struct LiveMove {
 class PMSP_API LiveMap {
  public:
   /// Sets or replaces a keyframe's points.
-  void publish(const LiveMove& place, std::shared_ptr<const KeyframeCloud> cloud, bool preliminary);
+  void publish(const LivePose& pose, std::shared_ptr<const KeyframeCloud> cloud, bool preliminary);
 
   /// Ignores keyframes without points.
-  void move(const std::vector<LiveMove>& places);
+  void move(const std::vector<LivePose>& poses);
 
   void remove(const std::vector<std::int64_t>& keyframe_ids);
 
@@ -55,14 +55,14 @@ class PMSP_API LiveMap {
   struct VersionInterval {
     LiveVersion since, until;
   };
-  bool was_there(std::int64_t id, LiveVersion at) const;
+  bool had_points(std::int64_t id, LiveVersion at) const;
 
   mutable std::mutex mutex_;
   LiveVersion version_ = 0;
-  LiveVersion began_ = 0;                                      ///< version of the last reset
-  std::map<std::int64_t, Entry> entries_;                      ///< by keyframe
-  std::map<std::int64_t, std::vector<VersionInterval>> gone_;  ///< by keyframe, since the last reset
-  mutable std::shared_ptr<const LiveSnapshot> snapshot_;       ///< cached, nullptr or possibly outdated
+  LiveVersion reset_version_ = 0;                                 ///< version of the last reset
+  std::map<std::int64_t, Entry> entries_;                         ///< by keyframe
+  std::map<std::int64_t, std::vector<VersionInterval>> removed_;  ///< by keyframe, since the last reset
+  mutable std::shared_ptr<const LiveSnapshot> snapshot_;          ///< cached, nullptr or possibly outdated
 };
 
 }  // namespace pmsp

@@ -24,20 +24,21 @@ Keyframe LiveNode::keyframe(const Image<std::uint8_t>* mask, Image<Rgb>& convert
   Keyframe result = keyframe();
   result.image = rgb_view(image, converted);
   if (mask != nullptr) result.mask = mask->view();
-  // The scale may have changed since; supports around a surface correct that (kernels/plane_prior.h).
+  // In the map unit at `add`. Later scale changes are corrected where supports surround a surface
+  // (kernels/plane_prior.h).
   if (prior_depth) result.prior_depth = prior_depth->view();
   return result;
 }
 
 void LiveNode::take_landmarks(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world) {
   landmarks_cam = landmarks;
-  std::vector<double> ranges;
-  ranges.reserve(landmarks_cam.size());
+  std::vector<double> distances;
+  distances.reserve(landmarks_cam.size());
   for (Landmark& landmark : landmarks_cam) {
     landmark.position_world = (cam_from_world * landmark.position_world) / pose.scale;
-    ranges.push_back(landmark.position_world.norm());
+    distances.push_back(landmark.position_world.norm());
   }
-  range = ranges.empty() ? 0.0 : median(ranges);
+  landmark_distance = distances.empty() ? 0.0 : median(distances);
 }
 
 }  // namespace pmsp

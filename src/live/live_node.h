@@ -24,16 +24,16 @@ struct LiveInput {
 };
 using LiveInputs = std::vector<LiveInput>;
 
-/// Returns the displacement since then of points at `range` [own unit] in the other keyframe's view [px of `width`].
-/// `other`, `own`: current poses.
-inline double moved_px(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double range,
+/// Returns the displacement since then of points at `distance` [unit of `own`] in the other keyframe's view [px of
+/// `width`]. `other`, `own`: current poses.
+inline double moved_px(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double distance,
                        int width) {
-  return moved_px({then.other, then.own}, {other, own}, range, width);
+  return moved_px({then.other, then.own}, {other, own}, distance, width);
 }
 
-/// Returns the displacement [rad], that of a translation relative to `range`.
-inline double moved_angle(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double range) {
-  return moved_angle({then.other, then.own}, {other, own}, range);
+/// Returns the displacement [rad], that of a translation relative to `distance`.
+inline double moved_angle(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double distance) {
+  return moved_angle({then.other, then.own}, {other, own}, distance);
 }
 
 /// Phase of a keyframe; docs/architecture.md draws the transitions.
@@ -48,10 +48,10 @@ enum class LivePhase {
 /// Causes of stale results, see LiveBuilder::invalidate.
 enum class LiveCause {
   kDepthMap,   ///< a depth map near it was replaced, added or removed
-  kView,       ///< a viewer or duplicate view was erased
+  kView,       ///< a viewer or duplicate view was erased or has left the map
   kInputs,     ///< inputs of its points have moved
-  kOverlap,    ///< a keyframe of its map has moved in the world
-  kNewPoints,  ///< its points are published again, with duplicates beyond the fusion window
+  kOverlap,    ///< a keyframe of its map has moved in the world: other keyframes may overlap
+  kNewPoints,  ///< its points are published again; duplicates beyond the fusion window must be searched again
   kRig,        ///< a rig mask was found
   kLenses      ///< a lens distance was found
 };
@@ -76,12 +76,12 @@ struct LiveNode {
   std::shared_ptr<const Image<float>> prior_depth;  ///< released with `image`; nullptr = none
   std::unique_ptr<Engine::Frame> preview;           ///< of LivePreview's engine; nullptr unless it is one of the newest
   std::vector<Landmark> landmarks_cam;  ///< observed landmarks [camera frame, keyframe's unit], independent of the pose
-  double range = 0.0;                   ///< median distance of these [keyframe's unit]; 0 = no landmarks
+  double landmark_distance = 0.0;       ///< median distance of these [keyframe's unit]; 0 = no landmarks
 
   // Stability of the pose.
-  int newer = 0;                                     ///< number of keyframes added to its map since
-  bool at_rest = false;                              ///< moved by at most `stable_move` before the last of them
-  Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< position when that one was added
+  int newer = 0;         ///< number of later keyframes of its map
+  bool at_rest = false;  ///< moved by at most `stable_move` between the last two `add` of its map
+  Eigen::Vector3d newest_center = Eigen::Vector3d::Zero();  ///< camera centre at the last `add` of its map
 
   // Since kSelected.
   SharpnessRecord sharpness;
@@ -90,36 +90,37 @@ struct LiveNode {
 
   // Since kMatching.
   std::vector<std::int64_t> near;  ///< ids of source views; some may be erased
-  DepthRange depths;               ///< [keyframe's unit]
+  DepthRange depth_range;          ///< [keyframe's unit]
   LiveStale stale;
-  int passes = 0;                      ///< completed passes of PatchMatch, without those in between
-  double deferred_px = 0.0;            ///< displacement at the last photometric pass in between [px]
-  bool last_pass_photometric = false;  ///< the last pass was a photometric one in between
-  bool restarted = false;              ///< all passes are run again
-  std::uint64_t planes_version = 0;    ///< numbers of results, increasing over all keyframes; 0 = none
+  int passes = 0;  ///< completed passes of PatchMatch, without extra photometric ones
+  /// Displacement before the last extra photometric pass, which corrects it only partly [px].
+  double extra_pass_px = 0.0;
+  bool last_pass_was_extra = false;  ///< the last pass was an extra photometric one
+  bool is_rematched = false;         ///< matched again from the first pass, until points of all passes are published
+  std::uint64_t planes_version = 0;  ///< numbers of results, increasing over all keyframes; 0 = none
   std::uint64_t filtered_version = 0;
   std::uint64_t fused_version = 0;
-  LiveInputs matched;  ///< inputs of the last photometric pass
+  LiveInputs matched_inputs;  ///< inputs of the last photometric pass
   /// Inputs of the consistency filter, of fusion, and of the points (viewers and duplicate views).
-  LiveInputs filtered, fused, tested;
+  LiveInputs filtered_inputs, fused_inputs, tested_inputs;
   std::vector<std::int64_t> viewers, duplicate_views;  ///< ids
   KeyframePose first_pose;                             ///< pose when points were first published
   int published_passes = 0;                            ///< number of passes of the published points; 0 = none
-  KeyframePose wide_pose;                              ///< pose at the last wide duplicate removal
-  bool wide = false;                                   ///< duplicate views extend beyond the fusion window
+  KeyframePose beyond_window_pose;                     ///< pose at the last duplicate removal beyond the window
+  bool beyond_window = false;                          ///< duplicate views extend beyond the fusion window
 
   /// Returns the displacement that running all passes again would correct [px].
-  double displacement_px() const { return std::max(stale.planes_px, deferred_px); }
+  double rematch_px() const { return std::max(stale.planes_px, extra_pass_px); }
   bool lacks_first_pass() const {
     return phase == LivePhase::kSelected || (phase == LivePhase::kMatching && passes == 0);
   }
   bool used() const { return phase != LivePhase::kPending; }
-  bool has_map() const { return planes_version != 0 && frame; }  ///< has a depth map
+  bool has_depth_map() const { return planes_version != 0 && frame; }
 
-  /// Whether its next pass must be photometric, since its map is from before a move by more than `tolerance_px`. Not
-  /// twice in a row, nor before the two passes of the first points.
+  /// Whether an extra photometric pass is due: source views have moved by more than `tolerance_px` since the last
+  /// photometric pass. Never twice in a row, nor before the second pass.
   bool needs_photometric_pass(double tolerance_px) const {
-    return passes > 1 && stale.planes_px > tolerance_px && !last_pass_photometric;
+    return passes > 1 && stale.planes_px > tolerance_px && !last_pass_was_extra;
   }
   /// Returns the keyframe at its current pose, with landmarks [map units], without image.
   Keyframe keyframe() const;

@@ -117,7 +117,7 @@ bool LivePreview::make(Nodes& nodes, std::int64_t newest) {
   for (const std::size_t k : choose_neighbours(sequence, own, kNeighbours)) {
     task.neighbours.push_back(around[k]->preview.get());
   }
-  task.near = task.neighbours.size();
+  task.num_with_planes = task.neighbours.size();
   task.range = depth_range(keyframes[own], options_.advanced.init);
   if (task.neighbours.empty() || !(task.range.max > task.range.min)) return true;
   std::vector<const Engine::Frame*> others;

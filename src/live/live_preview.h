@@ -51,7 +51,7 @@ class LivePreview {
   std::function<void(const KeyframeCloud&)> publish_;
   EngineResults results_;
   DensifierStats stats_;
-  KeyframeSource reload_image_;  ///< never set
+  KeyframeSource reload_image_;  ///< empty: the engine retains prepared images
   std::string backend_;
   std::unique_ptr<Engine> engine_;  ///< must outlive LiveNode::preview
   std::vector<Arrival> arrived_;

@@ -17,8 +17,8 @@ namespace pmsp {
 /// (plan/scale_recovery.h).
 class LiveTracker {
  public:
-  /// `id`: known.
-  LiveMove pose_of(std::int64_t id) const;
+  /// `id` must be known.
+  LivePose pose_of(std::int64_t id) const;
   /// Ascending.
   std::vector<std::int64_t> ids() const;
 
@@ -35,7 +35,7 @@ class LiveTracker {
   void forget_landmarks(std::int64_t id);
 
   /// Ignores unknown ids. Returns all keyframes with a new pose, map or scale.
-  std::vector<LiveMove> move(const std::vector<LiveKeyframe>& keyframes);
+  std::vector<LivePose> move(const std::vector<LiveKeyframe>& keyframes);
 
   void erase(std::int64_t id);
   void reset();
@@ -49,7 +49,7 @@ class LiveTracker {
     double range;
   };
 
-  struct Track {
+  struct KeyframeState {
     KeyframePose now;
     std::int64_t map_id = 0;
     std::uint64_t serial = 0;
@@ -59,17 +59,17 @@ class LiveTracker {
     std::int64_t reference_map_id = 0;
     std::vector<Range> reference_ranges;  ///< by ascending landmark id
     std::vector<Range> ranges;            ///< current ranges; empty if unknown since the last move
-    bool stores_ranges = true;            ///< stores ranges
+    bool stores_ranges = true;            ///< false after forget_landmarks
   };
-  using Sequence = std::vector<std::pair<std::int64_t, Track*>>;  ///< keyframes of a map by ascending id
+  using Sequence = std::vector<std::pair<std::int64_t, KeyframeState*>>;  ///< keyframes of a map by ascending id
 
   static std::vector<Range> ranges_of(const std::vector<Landmark>& landmarks, const RigidTransform& cam_from_world);
-  static void measure_ranges(Track& track, const LiveKeyframe& keyframe);
-  static bool has_moved_away(const Track& track);
-  static Sequence::iterator place(Sequence& sequence, std::int64_t id);
-  void recover(Sequence& sequence, const std::set<std::size_t>& moved, std::map<std::int64_t, LiveMove>& changed);
+  static void measure_ranges(KeyframeState& state, const LiveKeyframe& keyframe);
+  static bool has_moved_away(const KeyframeState& state);
+  static Sequence::iterator position_of(Sequence& sequence, std::int64_t id);
+  void recover(Sequence& sequence, const std::set<std::size_t>& moved, std::map<std::int64_t, LivePose>& changed);
 
-  std::map<std::int64_t, Track> tracks_;
+  std::map<std::int64_t, KeyframeState> keyframes_;
   std::map<std::int64_t, Sequence> sequences_;  ///< by map
   std::int64_t rescaled_ = 0;
 };

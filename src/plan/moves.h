@@ -11,10 +11,11 @@ struct PosePair {
   KeyframePose other, own;
 };
 
-/// Returns the displacement, between two states, of points at `range` [own unit] in the other keyframe's view [rad].
-double moved_angle(const PosePair& then, const PosePair& now, double range);
+/// Returns the displacement, between two states, of points at `distance` [unit of `own`] in the other keyframe's view
+/// [rad].
+double moved_angle(const PosePair& then, const PosePair& now, double distance);
 
 /// Returns the displacement [px of `width`].
-PMSP_IO_API double moved_px(const PosePair& then, const PosePair& now, double range, int width);
+PMSP_IO_API double moved_px(const PosePair& then, const PosePair& now, double distance, int width);
 
 }  // namespace pmsp

@@ -80,8 +80,8 @@ std::optional<Estimate> robust_mean(std::vector<Ratio> ratios, std::size_t fewes
   deviations.reserve(ratios.size());
   for (const Ratio& ratio : ratios) deviations.push_back({std::abs(ratio.log - middle), ratio.weight});
   const double deviation = kDeviationOverMedian * weighted_median(deviations);
-  const double independent = sum * sum / squares;  // effective number of ratios
-  return Estimate{middle, kLeastError + kMedianOverMean * deviation / std::sqrt(independent)};
+  const double effective_count = sum * sum / squares;  // of ratios
+  return Estimate{middle, kLeastError + kMedianOverMean * deviation / std::sqrt(effective_count)};
 }
 
 /// Returns the slope of ratios over their places: the weighted median of the slopes of all pairs.
@@ -101,18 +101,18 @@ std::optional<Estimate> robust_mean_along(std::vector<Ratio> ratios, const std::
                                           std::size_t fewest) {
   if (ratios.size() < fewest) return std::nullopt;
   const double drift = robust_slope(ratios, places);
-  double lever = 0.0;  // distance of place 0 from the mean place, relative to the spread
+  double leverage = 0.0;  // distance of place 0 from the mean place, relative to the spread
   double sum = 0.0;
   double squares = 0.0;
   for (std::size_t k = 0; k < ratios.size(); ++k) {
-    lever += ratios[k].weight * places[k];
+    leverage += ratios[k].weight * places[k];
     squares += ratios[k].weight * places[k] * places[k];
     sum += ratios[k].weight;
     ratios[k].log -= drift * places[k];
   }
-  lever /= std::sqrt(std::max(sum * squares - lever * lever, 1e-12 * sum * sum));
+  leverage /= std::sqrt(std::max(sum * squares - leverage * leverage, 1e-12 * sum * sum));
   std::optional<Estimate> estimate = robust_mean(std::move(ratios), fewest);
-  if (estimate) estimate->error *= std::sqrt(1.0 + lever * lever);
+  if (estimate) estimate->error *= std::sqrt(1.0 + leverage * leverage);
   return estimate;
 }
 

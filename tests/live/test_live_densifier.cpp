@@ -91,6 +91,24 @@ TEST_CASE("Landmarks passed after their keyframe are used like those passed with
   CHECK(same_points(*live.snapshot(), *at_once(keyframes, options)));
 }
 
+TEST_CASE("Keyframes without landmarks get points once their landmarks are passed") {
+  LiveOptions options = small_live(kRoomWidth);
+  options.densifier.advanced.view_filter.enabled = false;
+  const std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  LiveDensifier live(options);
+  for (LiveKeyframe keyframe : keyframes) {
+    keyframe.landmarks.clear();
+    live.add(keyframe);
+  }
+  live.finish();
+  REQUIRE(live.wait(kLong));
+  REQUIRE(live.stats().used == static_cast<std::int64_t>(keyframes.size()));
+  CHECK(live.snapshot()->clouds.empty());  // no depth range
+  live.update(keyframes);
+  REQUIRE(live.wait(kLong));
+  CHECK(ids_of(*live.snapshot()) == ids_of(*at_once(keyframes, options)));
+}
+
 TEST_CASE("Images are released when no longer needed") {
   std::vector<LiveKeyframe> keyframes = live_keyframes(room());
   std::vector<std::weak_ptr<const void>> images;
@@ -189,6 +207,38 @@ TEST_CASE("Points are tested again when a distant keyframe that saw them moves")
   live.update({first});
   REQUIRE(live.wait(kLong));
   CHECK(live.snapshot()->clouds.back().cloud_since > before->version);
+}
+
+TEST_CASE("A keyframe that leaves its map affects the points of that map like a removed one") {
+  LiveDensifier live(small_live(kRoomWidth));
+  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  fly_all(live, keyframes);
+  const auto before = live.snapshot();
+  LiveKeyframe& first = keyframes.front();
+  REQUIRE(before->clouds.front().keyframe_id == first.id);
+  first.map_id = 7;
+  SECTION("at the same pose") {}
+  SECTION("at a pose of the other map") { first.cam_from_world.translation.y() += 100.0; }
+  live.update({first});
+  REQUIRE(live.wait(kLong));
+  CHECK(live.snapshot()->clouds.back().cloud_since > before->version);  // tested again without it
+  CHECK(live.stats().matched_again == 0);
+}
+
+TEST_CASE("Without duplicate removal no keyframe waits for it") {
+  LiveOptions options = small_live(kRoomWidth);
+  options.densifier.advanced.fusion.spacing_px = 0.0;
+  options.densifier.advanced.free_space.whole_mission = GENERATE(false, true);
+  LiveDensifier live(options);
+  std::vector<LiveKeyframe> keyframes = live_keyframes(room());
+  fly_all(live, keyframes);
+  for (LiveKeyframe& keyframe : keyframes) {
+    keyframe.cam_from_world.translation -= keyframe.cam_from_world.rotation * Eigen::Vector3d(3.0, 0.0, 0.0);
+    keyframe.landmarks.clear();
+  }
+  live.update(keyframes);
+  REQUIRE(live.wait(kLong));
+  CHECK(live.backlog().refining == 0);
 }
 
 TEST_CASE("With a single PatchMatch pass the depth map still gets the weighted median") {

@@ -68,7 +68,7 @@ TEST_CASE("A live mission estimates the lens distance and matches earlier keyfra
   CHECK(live.stats().lens_distance == Approx(kDistance).epsilon(0.15));
 }
 
-TEST_CASE("The lens distance is not estimated across maps or from erased keyframes", PMSP_ACCURACY) {
+TEST_CASE("The lens distance is not estimated across maps or from removed keyframes", PMSP_ACCURACY) {
   LiveOptions options = small_live(64);
   std::vector<LiveKeyframe> keyframes = live_keyframes(cheap());
   SECTION("two maps") {
@@ -85,6 +85,16 @@ TEST_CASE("The lens distance is not estimated across maps or from erased keyfram
     live.erase({0, 1, 2});
     for (std::size_t i = 7; i < keyframes.size(); ++i) live.add(keyframes[i]);
     end(live);
+    CHECK(live.stats().lens_distance == 0.0);
+  }
+  SECTION("dropped ones") {
+    options.max_waiting = 4;
+    LiveDensifier live(options);
+    live.pause();
+    for (const LiveKeyframe& keyframe : keyframes) live.add(keyframe);
+    live.resume();
+    end(live);
+    CHECK(live.stats().dropped_late > 2);
     CHECK(live.stats().lens_distance == 0.0);
   }
 }

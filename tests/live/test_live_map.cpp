@@ -15,7 +15,7 @@ using namespace pmsp;
 
 namespace {
 
-LiveMove at(std::int64_t id, double x, double scale = 1.0, std::int64_t map_id = 0) {
+LivePose at(std::int64_t id, double x, double scale = 1.0, std::int64_t map_id = 0) {
   return {id, {{Eigen::Matrix3d::Identity(), {x, 0.0, 0.0}}, scale}, map_id};
 }
 
