@@ -65,11 +65,12 @@ void LiveView::add(const KeyframeCloud& cloud) {
 }
 
 void LiveView::end() {
-  std::vector<std::int64_t> gone;
-  for (const LiveCloud& cloud : map_.snapshot()->clouds) {
-    if (named_.count(cloud.keyframe_id) == 0) gone.push_back(cloud.keyframe_id);
+  const std::shared_ptr<const LiveSnapshot> snapshot = map_.snapshot();
+  std::vector<std::int64_t> removed;
+  for (const LiveCloud& cloud : snapshot->clouds) {
+    if (named_.count(cloud.keyframe_id) == 0) removed.push_back(cloud.keyframe_id);
   }
-  map_.remove(gone);
+  map_.remove(removed);
 }
 
 }  // namespace pmsp::tool
