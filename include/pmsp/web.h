@@ -55,7 +55,8 @@ struct LivePage {
 ///     std::cerr << server.url() << "\n";
 class PMSP_API LiveServer {
  public:
-  /// Throws InvalidOption if the address is invalid, OutputError if it is not available.
+  /// Throws InvalidOption if the address is invalid, OutputError if it is not available, Error if the build has no page
+  /// (PMSP_VIEWER).
   LiveServer(const HttpOptions& options, LiveSource source);
   /// `live` must outlive the server.
   LiveServer(const HttpOptions& options, const LiveDensifier& live);
@@ -68,7 +69,8 @@ class PMSP_API LiveServer {
   /// `trajectory`: all keyframes in order; empty = those with points.
   void set_page(LivePage page, std::vector<LivePlace> trajectory);
   void set_camera(const RigidTransform& cam_from_world);  ///< sets the current pose
-  /// Announces the end of the map and blocks until all browsers have fetched it, or `at_most` has elapsed.
+  /// Announces the end of the map and blocks until it was sent to all pages that poll and no request has come for 1.5
+  /// s, at most `at_most`. Slower pages may lack the last points.
   void finish(std::chrono::milliseconds at_most);
 
  private:

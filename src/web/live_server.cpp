@@ -10,6 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "pmsp/error.h"
 #include "pmsp/version.h"
 #include "util/number_from.h"
 #include "web/http_server.h"
@@ -55,11 +56,18 @@ struct LiveServer::Impl {
  private:
   using Json = nlohmann::ordered_json;
 
+  /// What a reply reports about the map. Read before the points, so that `is_done` implies all of them.
+  struct State {
+    bool is_done = false;
+    std::uint64_t page_version = 0, state_version = 0;
+  };
+
   std::optional<HttpReply> answer(const HttpRequest& request);
   HttpReply page() const;
   std::optional<HttpReply> changes(const HttpRequest& request);
+  void add_client(std::uint64_t number);
   HttpReply points(std::int64_t id, LiveVersion since);
-  Json changes_json(const LiveChanges& changes, std::uint64_t news) const;
+  Json changes_json(const LiveChanges& changes, const State& state, std::uint64_t news) const;
   Json matrix_json(const KeyframePose& pose) const;
   Json center_json(const Eigen::Vector3d& center) const;
 
@@ -83,8 +91,12 @@ struct LiveServer::Impl {
   std::unique_ptr<HttpServer> server_;  ///< last member: its thread uses the others
 };
 
-LiveServer::LiveServer(const HttpOptions& options, LiveSource source)
-    : impl_(std::make_unique<Impl>(options, std::move(source))) {}
+LiveServer::LiveServer(const HttpOptions& options, LiveSource source) {
+  if (!has_report_page()) {
+    throw Error("LiveServer: this build of pmsp_web has no page; build it with PMSP_VIEWER=ON");
+  }
+  impl_ = std::make_unique<Impl>(options, std::move(source));
+}
 LiveServer::LiveServer(const HttpOptions& options, const LiveDensifier& live)
     : LiveServer(options, {[&live](LiveVersion since) { return live.changes_since(since); },
                            [&live] { return live.snapshot(); }}) {}
@@ -102,7 +114,7 @@ void LiveServer::Impl::set_page(LivePage page, std::vector<LivePlace> trajectory
   const Similarity &now = page.file_from_map, &before = page_.file_from_map;
   const bool is_same = page.title == page_.title && page.unit == page_.unit && now.scale == before.scale &&
                        now.rotation == before.rotation && now.translation == before.translation;
-  if (!is_same || trajectory_.empty()) ++page_version_;
+  if (!is_same || (trajectory_.empty() && !trajectory.empty())) ++page_version_;
   page_ = std::move(page);
   trajectory_ = std::move(trajectory);
   trajectory_version_ = ++state_version_;
@@ -124,11 +136,12 @@ void LiveServer::Impl::finish(std::chrono::milliseconds at_most) {
   for (;; std::this_thread::sleep_for(std::chrono::milliseconds(20))) {
     const std::lock_guard<std::mutex> lock(mutex_);
     const Clock::time_point now = Clock::now();
-    if (!last_answer_ || now - *last_answer_ > kClientTimeout || now - begin > at_most) return;
+    if (now - begin > at_most) return;
     const bool have_end = std::all_of(clients_.begin(), clients_.end(), [now](const auto& it) {
       return it.second.received_end || now - it.second.last_request > kClientTimeout;
     });
-    if (have_end && now - std::max(*last_answer_, begin) > kQuiet) return;
+    const bool is_unused = !last_answer_ || now - *last_answer_ > kClientTimeout;
+    if (have_end && (is_unused || now - std::max(*last_answer_, begin) > kQuiet)) return;
   }
 }
 
@@ -185,40 +198,51 @@ HttpReply LiveServer::Impl::page() const {
 
 std::optional<HttpReply> LiveServer::Impl::changes(const HttpRequest& request) {
   const auto number = [&](const char* name) { return number_in_query(request.query, name).value_or(0); };
-  const std::uint64_t epoch = number("epoch"), news = number("news");
-  const LiveChanges changes = source_.changes_since(number("since"));
+  const std::uint64_t epoch = number("epoch"), news = number("news"), client = number("client");
+  const LiveVersion since = number("since");
+  State state;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    state = {is_done_, page_version_, state_version_};
+    add_client(client);
+  }
+  const bool may_wait =
+      !request.must_answer && !state.is_done && news == state.state_version && epoch == state.page_version;
+  if (may_wait && source_.snapshot()->version == since) return std::nullopt;
+  const LiveChanges changes = source_.changes_since(since);
+  if (may_wait && changes.empty()) return std::nullopt;
   const std::lock_guard<std::mutex> lock(mutex_);
-  const bool has_changes = !changes.empty() || news != state_version_ || epoch != page_version_;
-  Client& client = clients_[number("client")];
-  client.last_request = Clock::now();
+  clients_[client].received_end = state.is_done;
+  return reply_of(changes_json(changes, state, news).dump(), "application/json");
+}
+
+/// Records a request of a page.
+void LiveServer::Impl::add_client(std::uint64_t number) {
+  clients_[number].last_request = Clock::now();
   while (clients_.size() > kMaxClients) {
     clients_.erase(std::min_element(clients_.begin(), clients_.end(), [](const auto& a, const auto& b) {
       return a.second.last_request < b.second.last_request;
     }));
   }
-  if (!has_changes && !request.must_answer) return std::nullopt;
-  client.received_end = is_done_;
-  return reply_of(changes_json(changes, news).dump(), "application/json");
 }
 
-nlohmann::ordered_json LiveServer::Impl::changes_json(const LiveChanges& changes, std::uint64_t news) const {
-  Json json{{"epoch", page_version_},
+nlohmann::ordered_json LiveServer::Impl::changes_json(const LiveChanges& changes, const State& state,
+                                                      std::uint64_t news) const {
+  Json json{{"epoch", state.page_version},
             {"version", changes.to},
-            {"news", state_version_},
+            {"news", state.state_version},
             {"reset", changes.reset},
-            {"done", is_done_}};
+            {"done", state.is_done}};
   json["clouds"] = Json::array();
   for (const auto* clouds : {&changes.added, &changes.replaced, &changes.moved}) {
     for (const LiveCloud& cloud : *clouds) {
-      json["clouds"].push_back({{"id", cloud.keyframe_id},
-                                {"since", cloud.cloud_since},
-                                {"preliminary", cloud.preliminary},
-                                {"matrix", matrix_json(cloud.pose)}});
+      json["clouds"].push_back(
+          {{"id", cloud.keyframe_id}, {"since", cloud.cloud_since}, {"matrix", matrix_json(cloud.pose)}});
     }
   }
   json["removed"] = changes.removed;
   if (camera_) json["camera"] = matrix_json({*camera_, 1.0});
-  if (news >= trajectory_version_) return json;
+  if (!changes.reset && news >= trajectory_version_) return json;
   json["flight"] = Json::array();
   for (const LivePlace& place : trajectory_) {
     json["flight"].push_back({{"id", place.id}, {"matrix", matrix_json({place.cam_from_world, 1.0})}});
