@@ -19,8 +19,9 @@ namespace pmsp {
 /// Address and limits of an HTTP server.
 struct HttpOptions {
   std::string address = "127.0.0.1";
-  std::uint16_t port = 0;                               ///< 0 = any free port
-  std::size_t connections = 64;                         ///< maximum number; connections without token are closed first
+  std::uint16_t port = 0;  ///< 0 = any free port
+  /// Maximum number; a further one replaces a connection without token, or is refused.
+  std::size_t connections = 64;
   std::size_t header_bytes = 8192;                      ///< maximum size of request headers
   std::chrono::milliseconds for_headers{10'000};        ///< timeout for a request
   std::chrono::milliseconds for_chunk{20'000};          ///< timeout for the transfer of 64 KiB
@@ -35,7 +36,7 @@ struct LiveSource {
 };
 
 /// Keyframe of the trajectory, with or without points.
-struct LivePlace {
+struct TrajectoryPose {
   std::int64_t id = 0;
   RigidTransform cam_from_world;
 };
@@ -67,10 +68,10 @@ class PMSP_API LiveServer {
   std::string url() const;  ///< with the token that all requests need
 
   /// `trajectory`: all keyframes in order; empty = those with points.
-  void set_page(LivePage page, std::vector<LivePlace> trajectory);
+  void set_page(LivePage page, std::vector<TrajectoryPose> trajectory);
   void set_camera(const RigidTransform& cam_from_world);  ///< sets the current pose
-  /// Announces the end of the map and blocks until it was sent to all pages that poll and no request has come for 1.5
-  /// s, at most `at_most`. Slower pages may lack the last points.
+  /// Announces the end of the map and blocks until all polling pages were sent it and no request has come for 1.5 s, at
+  /// most `at_most`. Slower pages may lack the last points.
   void finish(std::chrono::milliseconds at_most);
 
  private:
