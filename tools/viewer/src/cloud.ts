@@ -133,7 +133,6 @@ export class Cloud {
     this.cubes.push(cube);
     this.attach(cube, block.points);
     this.move(id, page);
-    this.isSpacingOutdated = true;
   }
 
   /** Sets the pose of a keyframe. */
@@ -144,6 +143,7 @@ export class Cloud {
     cube.center.set(0.5, 0.5, 0.5).applyMatrix4(cube.matrix);
     cube.side = cube.matrix.getMaxScaleOnAxis();
     cube.radius = (cube.side * Math.sqrt(3)) / 2;
+    this.isSpacingOutdated = true;
     cube.drawn?.matrix.copy(cube.matrix);
     if (cube.drawn) cube.drawn.matrixWorldNeedsUpdate = true;
   }
@@ -238,11 +238,14 @@ export class Cloud {
 
   private updateSpacing(): void {
     this.isSpacingOutdated = false;
-    // Half the side: where keyframes overlap, several of them cover a surface, so that points are denser than in a cube.
+    // Half the side: several overlapping keyframes cover a surface, with points in between those of one cube.
     this.spacing = usualSpacing(this.cubes.map((it) => ({ side: it.side / 2, points: it.points?.count ?? 0 })));
   }
 
-  /** Selects the cubes to draw: largest on screen first, within `budget`. `focalLength`: [px per unit at distance 1]. */
+  /**
+   * Selects the cubes to draw: largest on screen first, within `budget`. `focalLength`: of a unit at distance 1, or of
+   * a unit of a flat view [px].
+   */
   choose(camera: Camera, focalLength: number, ratio: number): void {
     this.material.uniforms["focalLength"]!.value = focalLength;
     this.material.uniforms["maxPointSize"]!.value = 28 * ratio;

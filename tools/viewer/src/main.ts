@@ -65,11 +65,12 @@ class Page {
   private tellPoints(): void {
     const { keyframes, generator, points_in, points } = this.data;
     const { order } = this.viewer;
+    const covered = order.filter((i) => keyframes[i]?.use === "depth map").length;
     const shown = this.viewer.stream ? this.viewer.cloud.loaded : points;
     byId("subtitle").textContent =
       this.data.live_page_version === undefined
         ? `${countText(shown)} of ${countText(points_in)} points, ${keyframes.length} keyframes, ${generator}`
-        : `${countText(this.viewer.cloud.loaded)} points of ${order.filter((i) => keyframes[i]?.use === "depth map").length} of ${order.length} keyframes, ${generator}`;
+        : `${countText(this.viewer.cloud.loaded)} points of ${covered} of ${order.length} keyframes, ${generator}`;
   }
 
   /** The Potree folder beside the page has answered. */

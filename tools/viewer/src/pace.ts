@@ -21,7 +21,8 @@ export class Pace {
     this.busy = now - this.movedAt < 200;
     const took = now - this.lastFrame;
     if (this.busy && took < 250) {
-      cloud.budget = took > kSlowFrame ? Math.max(kMinPoints, 0.8 * cloud.budget) : Math.min(kMaxPoints, 1.1 * cloud.budget);
+      const { budget } = cloud;
+      cloud.budget = took > kSlowFrame ? Math.max(kMinPoints, 0.8 * budget) : Math.min(kMaxPoints, 1.1 * budget);
     }
     this.lastFrame = now;
   }

@@ -110,7 +110,7 @@ export class Stream {
     this.setSpacings();
   }
 
-  /** To be called after a frame. `focalLength`: [px per unit at distance 1, or of a flat view]. */
+  /** To be called after a frame. `focalLength`: of a unit at distance 1, or of a unit of a flat view [px]. */
   look(camera: Camera, focalLength: number): void {
     const root = this.all[0];
     if (!root || (this.state === "lost" && performance.now() < this.waitUntil)) return;

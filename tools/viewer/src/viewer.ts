@@ -112,7 +112,8 @@ export class Viewer {
     this.order = order;
     this.path = pathOf(keyframes, order);
     const existing = order.map((i) => keyframes[i]!);
-    this.trail = { keyframes: existing.map((k) => ({ center: this.centerOf(k), hasPoints: k.use === "depth map" })), camera };
+    const marks = existing.map((k) => ({ center: this.centerOf(k), hasPoints: k.use === "depth map" }));
+    this.trail = { keyframes: marks, camera };
     this.updateExtentLater.request();
     this.redraw();
   }
@@ -209,7 +210,7 @@ export class Viewer {
   /** Share of the height up to a little above the cameras: ceilings would hide the rooms. */
   private aboveCameras(): number {
     const up = this.basis[2];
-    const heights = this.path.map((i) => dot(this.centerOf(this.data.keyframes[i] as KeyframeData), up)).sort((a, b) => a - b);
+    const heights = this.path.map((i) => dot(this.centerOf(this.data.keyframes[i]!), up)).sort((a, b) => a - b);
     const [low, high] = [this.cloud.low[2], this.cloud.high[2]];
     const top = heights[Math.floor(0.9 * (heights.length - 1))];
     if (top === undefined || !(high > low)) return 1;

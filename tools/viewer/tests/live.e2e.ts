@@ -57,6 +57,11 @@ const shown = (page: Page): Promise<Shown> =>
 
 const fetchedOf = (page: Page): Promise<number> => page.evaluate(() => (window as any).pmspPage.live.fetched);
 
+async function hasCubes(page: Page, count: number): Promise<void> {
+  const has = (least: number): boolean => (window as any).pmspPage.viewer.cloud.keyframeCubes.size >= least;
+  await page.waitForFunction(has, count, { timeout: 300_000 });
+}
+
 /** Waits until nothing has come for a while. */
 async function hasCaughtUp(page: Page): Promise<void> {
   for (let before = -1, now = 0; before !== now; before = now, now = await fetchedOf(page)) await page.waitForTimeout(1500);
@@ -128,7 +133,7 @@ test("keyframes that a newer map has moved move in the page, and their points ar
   const words = ["run", join(own, "map.msg"), "--images", join(own, "images"), "-o", join(folder, "f.ply"), ...quick];
   const started = await start(densify, [...words, "--live-view", "0", "--follow", "--workspace", join(folder, "work")]);
   const { page, errors } = await openPage(browser, started.url);
-  await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.keyframeCubes.size >= 4, null, { timeout: 300_000 });
+  await hasCubes(page, 4);
   const cloud = join(folder, "f.ply");
   const writtenAfter = async (then: number): Promise<number> => {
     for (;;) {
@@ -179,7 +184,7 @@ test("points of a SLAM come at once, and move with their keyframes", async () =>
   started.child.stdin!.write("fly\n");
   await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.loaded > 0, null, { timeout: 300_000 });
   const seen = (await page.evaluate(() => performance.timeOrigin + (window as any).pmspPage.live.lastPoints)) as number;
-  await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.keyframeCubes.size >= 4, null, { timeout: 300_000 });
+  await hasCubes(page, 4);
   while (!/flown/.test(started.text())) await new Promise((done) => setTimeout(done, 100));
   for (const it of [page, other.page]) await hasCaughtUp(it);
   const before = await shown(page);
@@ -203,7 +208,8 @@ test("points of a SLAM come at once, and move with their keyframes", async () =>
   for (const by of moved(after.cubes, before.cubes)) assert.ok(Math.abs(by - 10) < 1e-3, `points moved by ${by}, not by 10`);
   assert.deepEqual((await shown(other.page)).cubes, after.cubes);
   started.child.stdin!.write("erase\n");
-  await page.waitForFunction((count) => (window as any).pmspPage.viewer.cloud.keyframeCubes.size === count, Object.keys(after.cubes).length - 1);
+  const left = Object.keys(after.cubes).length - 1;
+  await page.waitForFunction((count) => (window as any).pmspPage.viewer.cloud.keyframeCubes.size === count, left);
   const told = /first points at (\d+)/.exec(started.text());
   console.log(`# first points in the picture ${(seen - Number(told?.[1])).toFixed(0)} ms after they existed`);
   started.child.stdin!.write("end\n");

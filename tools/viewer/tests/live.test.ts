@@ -124,7 +124,9 @@ test("a reset removes all keyframes but those of its trajectory", async () => {
     reply(1, { trajectory: poses("1", "2"), clouds: [cloudOf("1"), cloudOf("2")] }),
     reply(2, { reset: true, trajectory: poses("1", "2"), clouds: [cloudOf("2")], done: true }),
   ];
-  const { orders, points } = await played((address) => (address.startsWith("live/changes") ? replies.shift()! : block()));
+  const { orders, points } = await played((address) =>
+    address.startsWith("live/changes") ? replies.shift()! : block(),
+  );
   assert.deepEqual(orders.at(-1)?.map((it) => `${it.id}: ${it.use}`), ["1: no points", "2: depth map"]);
   assert.deepEqual([...points], ["2"]);
 });

@@ -15,7 +15,8 @@ function cloudOf(points: readonly Vec3[]): Cloud {
   const positions = new Uint16Array(4 * points.length);
   points.forEach((p, i) => p.forEach((x, k) => (positions[4 * i + k] = Math.round(((x + 10) / 20) * 65535))));
   const bytes = (): Uint8Array<ArrayBuffer> => new Uint8Array(4 * points.length);
-  cloud.fill(0, { count: points.length, positions, colors: bytes(), normalsAndViews: bytes(), keyframes: new Uint16Array(points.length) });
+  const keyframes = new Uint16Array(points.length);
+  cloud.fill(0, { count: points.length, positions, colors: bytes(), normalsAndViews: bytes(), keyframes });
   cloud.setLook("photo", 1, [0, 1, 0, 1, 0, 1], false);
   return cloud;
 }
