@@ -17,7 +17,6 @@
 #include "pmsp-eval/statistics.h"
 #include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
-#include "pmsp/io/map.h"
 
 namespace pmsp::eval {
 namespace {
@@ -25,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 std::vector<TimedPose> read_keyframes(const CommonArguments& common) {
-  return common.map.empty() ? read_tum(common.trajectory) : trajectory_of(read_map(common.map));
+  return read_trajectory(common.map.empty() ? common.trajectory : common.map);
 }
 
 /// Reads positions only, to save memory.
