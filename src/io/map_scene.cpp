@@ -85,20 +85,6 @@ void drop_non_finite(SlamMap& map) {
   map.landmarks.erase(points, map.landmarks.end());
 }
 
-void sort_landmarks(SlamMap& map) {
-  std::vector<MapLandmark>& landmarks = map.landmarks;
-  std::sort(landmarks.begin(), landmarks.end(), [](const MapLandmark& a, const MapLandmark& b) { return a.id < b.id; });
-  for (std::size_t i = 0; i < landmarks.size(); ++i) {
-    const std::string where = "point " + std::to_string(landmarks[i].id);
-    if (i > 0 && landmarks[i - 1].id == landmarks[i].id) {
-      fail(map.path, where, "this id appears more than once, expected unique ids");
-    }
-    if (!is_position(landmarks[i].position_world)) {
-      fail(map.path, where, "is at " + to_message(landmarks[i].position_world) + ", " + kExpectedPosition);
-    }
-  }
-}
-
 void sort_keyframes(SlamMap& map) {
   std::vector<MapKeyframe>& keyframes = map.keyframes;
   if (keyframes.empty()) {
@@ -238,6 +224,20 @@ void check_images_once(const SlamMap& map, const std::filesystem::path& path) {
   }
 }
 
+void sort_landmarks(std::vector<MapLandmark>& landmarks, const std::filesystem::path& path, const char* at,
+                    const std::function<std::string(std::int64_t id, const char* field)>& where) {
+  std::sort(landmarks.begin(), landmarks.end(), [](const MapLandmark& a, const MapLandmark& b) { return a.id < b.id; });
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    if (i > 0 && landmarks[i - 1].id == landmarks[i].id) {
+      fail(path, where(landmarks[i].id, ""), "this id appears more than once, expected unique ids");
+    }
+    if (!is_position(landmarks[i].position_world)) {
+      fail(path, where(landmarks[i].id, "pos_w"),
+           at + to_message(landmarks[i].position_world) + ", " + kExpectedPosition);
+    }
+  }
+}
+
 std::filesystem::path longest_tail(const std::filesystem::path& folder, const std::string& name, bool other_endings) {
   constexpr std::array<const char*, 10> kEndings{".jpg", ".JPG", ".jpeg", ".JPEG", ".png",
                                                  ".PNG", ".tif", ".TIF",  ".tiff", ".TIFF"};
@@ -340,7 +340,8 @@ SlamMap finalize_map(SlamMap&& map) {
   drop_non_finite(map);
   sort_keyframes(map);
   sort_cameras(map);
-  sort_landmarks(map);
+  sort_landmarks(map.landmarks, map.path, "is at ",
+                 [](std::int64_t id, const char* /*field*/) { return "point " + std::to_string(id); });
   filter_observations(map);
   round_camera_sizes(map);
   if (map.component_keyframes.empty()) map.component_keyframes = {map.keyframes.size()};

@@ -63,6 +63,11 @@ std::string image_name(const std::string& name, const std::filesystem::path& pat
 /// Throws InvalidInput with `path` if two keyframes have the same image.
 void check_images_once(const SlamMap& map, const std::filesystem::path& path);
 
+/// Sorts by id. Throws InvalidInput for equal ids and positions out of range. `at`: verb of the message;
+/// `where`: name of a landmark's field.
+void sort_landmarks(std::vector<MapLandmark>& landmarks, const std::filesystem::path& path, const char* at,
+                    const std::function<std::string(std::int64_t id, const char* field)>& where);
+
 /// Returns the longest tail of an image_name that is a file in the folder: for "a/b/c.jpg" a/b/c.jpg, else b/c.jpg,
 /// else c.jpg; "" = none. `other_endings`: also with other image extensions, replaced or appended if there is none.
 std::filesystem::path longest_tail(const std::filesystem::path& folder, const std::string& name,
