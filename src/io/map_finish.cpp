@@ -104,9 +104,8 @@ void leave_out(RawMap& raw, SlamMap& map) {
   };
   if (std::none_of(raw.cameras.begin(), raw.cameras.end(), is_panorama)) return;  // rejected later, too
   const auto others = std::stable_partition(keyframes.begin(), keyframes.end(), is_of_panorama);
-  if (others == keyframes.end()) return;
-  map.notes.push_back("keyframes left out, of cameras that are not equirectangular: " +
-                      std::to_string(keyframes.end() - others) + "; only panoramas can be used");
+  note_others(map, "keyframes left out, of cameras that are not equirectangular",
+              static_cast<std::size_t>(keyframes.end() - others));
   keyframes.erase(others, keyframes.end());
 }
 

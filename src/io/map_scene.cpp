@@ -192,6 +192,10 @@ void note_invalid_points(SlamMap& map, std::size_t count) {
   if (count > 0) map.notes.push_back("points left out, whose positions are not finite: " + std::to_string(count));
 }
 
+void note_others(SlamMap& map, const std::string& what, std::size_t count) {
+  if (count > 0) map.notes.push_back(what + ": " + std::to_string(count) + "; only panoramas can be used");
+}
+
 std::string image_name(const std::string& name, const std::filesystem::path& path, const std::string& where) {
   constexpr std::size_t kLongest = 4096;
   const bool has_controls =

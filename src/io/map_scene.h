@@ -55,6 +55,7 @@ Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::f
 void note_unnormalised(SlamMap& map, std::size_t count);
 void note_invalid_poses(SlamMap& map, std::size_t count);
 void note_invalid_points(SlamMap& map, std::size_t count);
+void note_others(SlamMap& map, const std::string& what, std::size_t count);  ///< of other cameras than panoramas
 
 /// Returns a file's image name as a path inside the image folder, "left/0001.jpg": slashes for backslashes, without
 /// drive, leading separators and "..". Throws InvalidInput if nothing remains.
