@@ -12,7 +12,7 @@
 #include <system_error>
 #include <unordered_map>
 
-#include "mask_names.h"
+#include "util/lower_case.h"
 #include "pmsp/error.h"
 #include "util/median_of.h"
 

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -19,6 +18,7 @@
 #include "image_decode.h"
 #include "mask_image.h"
 #include "pmsp/error.h"
+#include "util/lower_case.h"
 
 namespace pmsp {
 namespace {
@@ -96,9 +96,7 @@ double half_of(const cv::Mat& image) {
 
 /// JPEG has no exact black.
 bool is_jpeg(const std::filesystem::path& path) {
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string ending = lower_case(path.extension().string());
   return ending == ".jpg" || ending == ".jpeg" || ending == ".jpe";
 }
 

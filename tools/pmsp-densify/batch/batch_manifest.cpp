@@ -20,6 +20,7 @@
 #include "options.h"
 #include "pmsp/error.h"
 #include "tool_files.h"
+#include "util/lower_case.h"
 
 namespace pmsp::tool {
 
@@ -322,9 +323,7 @@ std::string line_difference(const Mission& recorded, const Mission& given) {
 namespace {
 
 bool has_extension(const fs::path& path, const std::set<std::string>& extensions) {
-  std::string extension = path.extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return extensions.count(extension) > 0;
+  return extensions.count(lower_case(path.extension().string())) > 0;
 }
 
 bool is_map(const fs::path& path) {
