@@ -12,7 +12,7 @@
 #include "io/map_file.h"
 #include "io/trajectory.h"
 #include "pmsp/error.h"
-#include "util/lower_case.h"
+#include "util/text.h"
 
 namespace pmsp {
 namespace {

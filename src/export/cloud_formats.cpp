@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp/io/cloud.h"
-#include "util/lower_case.h"
+#include "util/text.h"
 
 namespace pmsp {
 

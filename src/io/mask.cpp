@@ -18,7 +18,7 @@
 #include "image_decode.h"
 #include "mask_image.h"
 #include "pmsp/error.h"
-#include "util/lower_case.h"
+#include "util/text.h"
 
 namespace pmsp {
 namespace {

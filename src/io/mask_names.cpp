@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "image_naming.h"
-#include "util/lower_case.h"
+#include "util/text.h"
 
 namespace pmsp::io {
 namespace {

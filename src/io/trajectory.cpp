@@ -12,8 +12,8 @@
 
 #include "map_scene.h"
 #include "text_input.h"
-#include "util/lower_case.h"
 #include "util/median_of.h"
+#include "util/text.h"
 
 namespace pmsp::map_detail {
 namespace {

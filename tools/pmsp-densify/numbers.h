@@ -6,13 +6,13 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "exit_code.h"
 #include "util/number_from.h"
+#include "util/text.h"
 
 namespace pmsp::tool {
 
@@ -52,13 +52,6 @@ inline double percentile(std::vector<double>& values, double percent) {
   const auto at = static_cast<std::ptrdiff_t>(std::lround(last * std::clamp(percent / 100.0, 0.0, 1.0)));
   std::nth_element(values.begin(), values.begin() + at, values.end());
   return values[static_cast<std::size_t>(at)];
-}
-
-/// Formats a number as std::printf.
-inline std::string number_text(double value, const char* format = "%g") {
-  char text[64];
-  std::snprintf(text, sizeof(text), format, value);
-  return text;
 }
 
 /// Returns "12.5 %" for 0.125.

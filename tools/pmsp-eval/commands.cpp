@@ -17,6 +17,7 @@
 #include "pmsp-eval/statistics.h"
 #include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
+#include "util/text.h"
 
 namespace pmsp::eval {
 namespace {
@@ -71,15 +72,14 @@ Similarity keyframes_from_cloud(const CloudInfo& cloud, const CommonArguments& c
     description += ", by its header\n";
     return {};
   }
-  char scale[32];
-  std::snprintf(scale, sizeof(scale), "%.6g", cloud.file_from_map->scale);
+  const std::string scale = number_text(cloud.file_from_map->scale, "%.6g");
   if (common.map.empty()) {
     throw InvalidInput(arguments.cloud.string() + ": was written in another frame than that of its map (scale " +
-                       std::string(scale) +
+                       scale +
                        "), and the frame of the trajectory is unknown; expected --map with the map of the cloud, or "
                        "--as-is for a trajectory in the frame of the cloud");
   }
-  description += "; the transform that its header names is undone (scale " + std::string(scale) + ")\n";
+  description += "; the transform that its header names is undone (scale " + scale + ")\n";
   return inverse_of(*cloud.file_from_map);
 }
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp-eval/picture_file.h"
 
-#include <cstdio>
 #include <vector>
 
 #include <opencv2/imgcodecs.hpp>
 
 #include "export/files.h"
 #include "pmsp/error.h"
+#include "util/text.h"
 
 namespace pmsp::eval {
 
@@ -17,10 +17,6 @@ void write_png(const std::filesystem::path& path, const cv::Mat& image) {
   write_file(path, bytes);
 }
 
-std::string percent(double share) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%g %%", 100.0 * share);
-  return text;
-}
+std::string percent(double share) { return number_text(100.0 * share, "%g %%"); }
 
 }  // namespace pmsp::eval

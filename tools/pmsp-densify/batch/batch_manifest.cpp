@@ -20,7 +20,7 @@
 #include "options.h"
 #include "pmsp/error.h"
 #include "tool_files.h"
-#include "util/lower_case.h"
+#include "util/text.h"
 
 namespace pmsp::tool {
 
@@ -45,10 +45,7 @@ struct Line {
   std::string text;
 };
 
-std::string stripped(const std::string& text) {
-  const std::size_t first = text.find_first_not_of(" \t\r");
-  return first == std::string::npos ? "" : text.substr(first, text.find_last_not_of(" \t\r") + 1 - first);
-}
+std::string stripped(const std::string& text) { return trimmed(text, " \t\r"); }
 
 /// Lines without blank ones and comments.
 std::vector<Line> lines_of(std::string text) {

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <cctype>
+#include <cstdio>
+#include <string>
+
+namespace pmsp {
+
+/// Converts to lower case (ASCII).
+inline std::string lower_case(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
+/// Removes the given characters at both ends.
+inline std::string trimmed(const std::string& text, const char* characters) {
+  const std::size_t begin = text.find_first_not_of(characters);
+  return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(characters) + 1 - begin);
+}
+
+/// Formats a number as std::printf.
+inline std::string number_text(double value, const char* format = "%g") {
+  char text[64];
+  std::snprintf(text, sizeof(text), format, value);
+  return text;
+}
+
+/// Returns "1920 x 960".
+inline std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
+
+}  // namespace pmsp
