@@ -10,6 +10,7 @@
 
 #include <Eigen/Geometry>
 
+#include "export/files.h"
 #include "panorama_size.h"
 #include "pmsp/error.h"
 #include "pmsp/types.h"
@@ -245,22 +246,18 @@ void sort_landmarks(std::vector<MapLandmark>& landmarks, const std::filesystem::
 std::filesystem::path longest_tail(const std::filesystem::path& folder, const std::string& name, bool other_endings) {
   constexpr std::array<const char*, 10> kEndings{".jpg", ".JPG", ".jpeg", ".JPEG", ".png",
                                                  ".PNG", ".tif", ".TIF",  ".tiff", ".TIFF"};
-  const auto is_there = [](const std::filesystem::path& path) {
-    std::error_code ignored;
-    return std::filesystem::is_regular_file(path, ignored);
-  };
   // "1.jpg.png" may be the mask of "1.jpg", and "IMG.0001" has no extension.
   const std::string own = std::filesystem::path(name).extension().string();
   const bool has_ending =
       own.size() > 1 && std::all_of(own.begin() + 1, own.end(), [](unsigned char c) { return std::isalpha(c) != 0; });
   for (std::size_t at = 0; at != std::string::npos;) {
     const std::filesystem::path path = folder / name.substr(at);
-    if (is_there(path)) return path;
+    if (is_file(path)) return path;
     for (std::size_t i = 0; other_endings && i < kEndings.size(); ++i) {
       std::filesystem::path other = path;
       if (has_ending) other.replace_extension();
       other += kEndings[i];
-      if (is_there(other)) return other;
+      if (is_file(other)) return other;
     }
     const std::size_t slash = name.find('/', at);
     at = slash == std::string::npos ? slash : slash + 1;

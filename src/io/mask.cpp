@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "export/files.h"
 #include "image_decode.h"
 #include "mask_image.h"
 #include "pmsp/error.h"
@@ -215,8 +216,7 @@ double hidden_share(ImageView<const std::uint8_t> mask) {
 
 bool may_have_alpha(const std::filesystem::path& image) {
   constexpr std::size_t kMost = std::size_t{1} << 14;
-  std::error_code ignored;
-  if (is_jpeg(image) || !std::filesystem::is_regular_file(image, ignored)) return false;
+  if (is_jpeg(image) || !is_file(image)) return false;
   std::ifstream file(image, std::ios::binary);
   std::vector<std::uint8_t> bytes(kMost);
   file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));

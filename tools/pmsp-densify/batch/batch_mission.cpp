@@ -320,8 +320,7 @@ std::string cell(const std::string& html, const char* kind = "") {
 
 /// HTML link; "" if the file is missing.
 std::string link(const fs::path& from, const fs::path& to, const std::string& words) {
-  std::error_code ignored;
-  if (!fs::is_regular_file(to, ignored)) return "";
+  if (!is_file(to)) return "";
   const std::string address = web::relative_address(to.lexically_relative(from).generic_string());
   return "<a href=\"" + web::html_text(address) + "\">" + web::html_text(words) + "</a>";
 }
