@@ -17,6 +17,7 @@
 #include "arguments.h"
 #include "batch_arguments.h"
 #include "export/files.h"
+#include "io/image_naming.h"
 #include "options.h"
 #include "pmsp/error.h"
 #include "tool_files.h"
@@ -329,14 +330,10 @@ bool is_map(const fs::path& path) {
 bool is_video(const fs::path& path) {
   return has_extension(path, {".mp4", ".mov", ".mkv", ".avi", ".webm", ".m4v", ".insv", ".360"});
 }
-bool is_image(const fs::path& path) {
-  return has_extension(path, {".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".bmp", ".webp"});
-}
 
 bool holds_images(const fs::path& folder) {
   const std::vector<fs::path> entries = entries_in(folder);
-  return std::any_of(entries.begin(), entries.end(),
-                     [](const fs::path& entry) { return is_image(entry) && entry.filename().string()[0] != '.'; });
+  return std::any_of(entries.begin(), entries.end(), io::is_image_name);
 }
 
 bool holds_image_folder(const fs::path& folder) {
