@@ -15,6 +15,7 @@
 #include "options.h"
 #include "pmsp/io/map.h"
 #include "pmsp/stages.h"
+#include "pmsp/version.h"
 #include "report.h"
 #include "shard.h"
 #include "web/http_server.h"
@@ -406,7 +407,7 @@ void check_run(const Arguments& a) {
 
 }  // namespace
 
-std::string version_text() { return "pmsp-densify " PMSP_VERSION; }
+std::string version_text() { return "pmsp-densify " PMSP_VERSION_STRING; }
 
 void spell_out_switches(std::vector<std::string>& words) {
   for (std::string& word : words) {
