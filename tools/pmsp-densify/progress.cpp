@@ -42,12 +42,12 @@ std::string short_count(std::int64_t count) {
   return count < 1'000'000 ? number_text(1e-3 * number, "%.0f k") : number_text(1e-6 * number, "%.1f M");
 }
 
-namespace {
-
-std::size_t terminal_columns() {
+std::size_t terminal_columns(int descriptor, std::size_t fallback) {
   winsize size = {};
-  return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+  return ioctl(descriptor, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : fallback;
 }
+
+namespace {
 
 /// `seconds_left` < 0: unknown.
 nlohmann::ordered_json standing_json(const RunProgress& run_progress, double seconds_left) {
@@ -204,7 +204,7 @@ void Progress::emit(const nlohmann::ordered_json& event) {
 }
 
 void Progress::draw_bar(const RunProgress& run_progress, double seconds_left) {
-  const std::size_t columns = terminal_columns();
+  const std::size_t columns = terminal_columns(STDERR_FILENO, 80);
   const std::string head = bar_name_ + (bar_count_.empty() ? "" : ": keyframe " + bar_count_);
   const std::string tail = " " + run_progress_text(run_progress, seconds_left);
   const std::size_t taken = head.size() + tail.size() + 4;
