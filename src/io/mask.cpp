@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
@@ -79,14 +78,10 @@ std::string text_of(const Colours& colours, const cv::Mat& image) {
     for (int c = 0; c < image.channels() && c < 3; ++c)
       bgr[static_cast<std::size_t>(c)] =
           colours[i].first >> static_cast<unsigned>(16 * (image.channels() - 1 - c)) & 0xFFFFU;
-    char name[64];
-    if (image.channels() == 1) {
-      std::snprintf(name, sizeof(name), "%.0f %% gray %u", 100.0 * colours[i].second, static_cast<unsigned>(bgr[0]));
-    } else {
-      std::snprintf(name, sizeof(name), "%.0f %% #%02x%02x%02x", 100.0 * colours[i].second,
-                    static_cast<unsigned>(bgr[2]), static_cast<unsigned>(bgr[1]), static_cast<unsigned>(bgr[0]));
-    }
-    text += (i == 0 ? "" : ", ") + std::string(name);
+    text += format("%s%.0f %% ", i == 0 ? "" : ", ", 100.0 * colours[i].second);
+    text += image.channels() == 1 ? format("gray %u", static_cast<unsigned>(bgr[0]))
+                                  : format("#%02x%02x%02x", static_cast<unsigned>(bgr[2]),
+                                           static_cast<unsigned>(bgr[1]), static_cast<unsigned>(bgr[0]));
   }
   return text;
 }

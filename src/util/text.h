@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstdarg>
 #include <cstdio>
 #include <string>
 
@@ -21,12 +22,18 @@ inline std::string trimmed(const std::string& text, const char* characters) {
   return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(characters) + 1 - begin);
 }
 
-/// Formats a number as std::printf.
-inline std::string number_text(double value, const char* format = "%g") {
-  char text[64];
-  std::snprintf(text, sizeof(text), format, value);
+/// As std::printf; at most 500 bytes.
+[[gnu::format(printf, 1, 2)]] inline std::string format(const char* pattern, ...) {
+  char text[501];
+  va_list arguments;
+  va_start(arguments, pattern);
+  std::vsnprintf(text, sizeof(text), pattern, arguments);
+  va_end(arguments);
   return text;
 }
+
+/// Formats a number as std::printf.
+inline std::string number_text(double value, const char* pattern = "%g") { return format(pattern, value); }
 
 /// Returns "1920 x 960".
 inline std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }

@@ -5,7 +5,6 @@
 #include <unistd.h>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <iostream>
 
 #include "numbers.h"
@@ -63,15 +62,9 @@ nlohmann::ordered_json standing_json(const RunProgress& run_progress, double sec
 
 std::string duration_text(double seconds) {
   const auto whole = static_cast<long>(std::lround(std::max(seconds, 0.0)));
-  char text[64];
-  if (whole >= 3600) {
-    std::snprintf(text, sizeof(text), "%ld h %02ld min", whole / 3600, whole / 60 % 60);
-  } else if (whole >= 60) {
-    std::snprintf(text, sizeof(text), "%ld min %02ld s", whole / 60, whole % 60);
-  } else {
-    std::snprintf(text, sizeof(text), "%ld s", whole);
-  }
-  return text;
+  if (whole >= 3600) return format("%ld h %02ld min", whole / 3600, whole / 60 % 60);
+  if (whole >= 60) return format("%ld min %02ld s", whole / 60, whole % 60);
+  return format("%ld s", whole);
 }
 
 std::string count_text(std::int64_t count) {

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <cstdio>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -15,6 +14,7 @@
 #include "export/files.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth.h"
+#include "util/text.h"
 
 namespace pmsp::synth_tool {
 namespace {
@@ -24,11 +24,7 @@ namespace fs = std::filesystem;
 constexpr double kMillimetres = 1000.0;
 constexpr Rgb kRigColor{24, 24, 26};
 
-std::string frame_name(std::int64_t frame) {
-  char name[32];
-  std::snprintf(name, sizeof(name), "%06lld", static_cast<long long>(frame));
-  return name;
-}
+std::string frame_name(std::int64_t frame) { return format("%06lld", static_cast<long long>(frame)); }
 
 void write_image(const fs::path& path, const cv::Mat& image, const std::vector<int>& parameters) {
   std::vector<unsigned char> encoded;
@@ -54,10 +50,8 @@ std::string trajectory(const synth::Mission& mission) {
   for (const synth::Frame& frame : mission.frames) {
     const Eigen::Vector3d center = frame.cam_from_world.center();
     const Eigen::Quaterniond q = Eigen::Quaterniond(frame.cam_from_world.rotation.transpose()).normalized();
-    char line[256];
-    std::snprintf(line, sizeof(line), "%.6f %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n", frame.timestamp, center.x(),
-                  center.y(), center.z(), q.x(), q.y(), q.z(), q.w());
-    text += line;
+    text += format("%.6f %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n", frame.timestamp, center.x(), center.y(), center.z(),
+                   q.x(), q.y(), q.z(), q.w());
   }
   return text;
 }
