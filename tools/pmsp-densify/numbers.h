@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,6 +23,11 @@ T number_in(const char* option, const std::string& text, T low, T high, const st
   const auto value = number_from<T>(text);
   if (value && *value >= low && *value <= high) return *value;
   throw UsageError(std::string(option) + " is \"" + text + "\"; expected " + expected);
+}
+
+/// Parses a number > 0, up to 1e12. Throws UsageError.
+inline double positive_from(const char* option, const std::string& text, const char* expected = "a number > 0") {
+  return number_in(option, text, std::numeric_limits<double>::denorm_min(), 1e12, expected);
 }
 
 /// Parses a port of an option. Throws UsageError.
