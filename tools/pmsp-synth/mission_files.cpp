@@ -12,6 +12,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "export/files.h"
+#include "io/image_decode.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth.h"
 #include "util/text.h"
@@ -27,11 +28,8 @@ constexpr Rgb kRigColor{24, 24, 26};
 std::string frame_name(std::int64_t frame) { return format("%06lld", static_cast<long long>(frame)); }
 
 void write_image(const fs::path& path, const cv::Mat& image, const std::vector<int>& parameters) {
-  std::vector<unsigned char> encoded;
-  if (!cv::imencode(path.extension().string(), image, encoded, parameters)) {
-    throw OutputError(path.string() + ": cannot be encoded as an image");
-  }
-  write_file(path, encoded);
+  write_file(path, io::encoded(path.extension().string(), image, path.string() + ": cannot be encoded as an image",
+                               parameters));
 }
 
 cv::Mat bgr_of(const Image<Rgb>& image) {

@@ -7,13 +7,12 @@
 #include <utility>
 #include <vector>
 
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "export/files.h"
+#include "io/image_decode.h"
 #include "numbers.h"
 #include "pictures.h"
-#include "pmsp/error.h"
 #include "progress.h"
 #include "tool_files.h"
 
@@ -30,9 +29,7 @@ constexpr const char* kAbove = "cloud_above.png";
 constexpr const char* kCorner = "cloud_corner.png";
 
 void write_png(const std::filesystem::path& path, const cv::Mat& image) {
-  std::vector<unsigned char> encoded;
-  if (!cv::imencode(".png", image, encoded)) throw OutputError(path.string() + ": cannot be encoded as PNG");
-  write_file(path, encoded);
+  write_file(path, io::encoded(".png", image, path.string() + ": cannot be encoded as PNG"));
 }
 
 cv::Mat labelled(const cv::Mat& image, const std::string& words) {

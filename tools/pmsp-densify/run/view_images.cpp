@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "export/files.h"
+#include "io/image_decode.h"
 #include "mission_input.h"
 #include "pmsp/error.h"
 #include "tool_files.h"
@@ -38,11 +39,8 @@ void write_jpeg(const fs::path& path, const Image<Rgb>& image) {
                     const_cast<void*>(static_cast<const void*>(image.pixels().data())));
   cv::Mat bgr;
   cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
-  std::vector<unsigned char> encoded;
-  if (!cv::imencode(".jpg", bgr, encoded, {cv::IMWRITE_JPEG_QUALITY, kQuality})) {
-    throw OutputError(path.string() + ": cannot be encoded as JPEG");
-  }
-  write_file(path, encoded);
+  write_file(path, io::encoded(".jpg", bgr, path.string() + ": cannot be encoded as JPEG",
+                               {cv::IMWRITE_JPEG_QUALITY, kQuality}));
 }
 
 }  // namespace
@@ -53,9 +51,7 @@ std::vector<unsigned char> mask_png(ImageView<const std::uint8_t> mask, int widt
     std::transform(mask.row(y), mask.row(y) + width, gray.ptr<std::uint8_t>(y),
                    [](std::uint8_t use) { return use != 0 ? std::uint8_t{255} : std::uint8_t{0}; });
   }
-  std::vector<unsigned char> encoded;
-  if (!cv::imencode(".png", gray, encoded)) throw OutputError("a mask cannot be encoded as PNG");
-  return encoded;
+  return io::encoded(".png", gray, "a mask cannot be encoded as PNG");
 }
 
 ViewImages::ViewImages(const Arguments& arguments, const SlamMap& map, const ImageSource& source, MaskSource& masks)
