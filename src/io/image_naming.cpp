@@ -12,6 +12,7 @@
 #include <system_error>
 #include <unordered_map>
 
+#include "mask_names.h"
 #include "pmsp/error.h"
 #include "util/median_of.h"
 #include "util/text.h"
