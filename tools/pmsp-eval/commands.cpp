@@ -2,7 +2,6 @@
 #include "pmsp-eval/commands.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <iostream>
 #include <memory>
 #include <set>
@@ -17,7 +16,7 @@
 #include "pmsp-eval/statistics.h"
 #include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
-#include "util/text.h"
+#include "util/numbered_name.h"
 
 namespace pmsp::eval {
 namespace {
@@ -98,12 +97,6 @@ void deliver(const CommonArguments& common, const Json& json, const std::string&
   if (!std::cout) throw OutputError("standard output cannot be written");
 }
 
-fs::path picture_path(const fs::path& folder, const char* prefix, std::int64_t id) {
-  char name[64];
-  std::snprintf(name, sizeof(name), "%s_%06lld.png", prefix, static_cast<long long>(id));
-  return folder / name;
-}
-
 /// Ids of `count` evenly spread keyframes; none without pictures.
 template <class Items, class Id>
 std::set<std::int64_t> pictured(const RenderArguments& render, const Items& items, const Id& id) {
@@ -123,7 +116,7 @@ ViewMeasures views_with_pictures(const AlignedCloud& cloud, const Alignment& ali
       pictured(arguments.render, shown, [&](std::size_t keyframe) { return cloud.keyframes[keyframe].id; });
   const ViewObserver observe = [&](const View& view, const Image<float>& range, const Image<float>& error) {
     if (wanted.count(view.keyframe_id) == 0) return;
-    write_view_image(picture_path(arguments.render.folder, "view", view.keyframe_id), range, error,
+    write_view_image(arguments.render.folder / numbered_name("view_", view.keyframe_id, ".png"), range, error,
                      arguments.views.max_relative_error);
   };
   return measure_views(cloud, alignment, truth, arguments.views, observe);
@@ -237,7 +230,7 @@ void run_depth(const CommonArguments& common, DepthArguments arguments) {
     maps[i].labels = measure_labels(depth, error, range, GroundTruth::load_labels(*pairs[i].truth), labels);
     samples[i] = samples_of(pairs[i], error, pairs.size());
     if (wanted.count(id) > 0) {
-      write_depth_error_image(picture_path(arguments.render.folder, "depth_error", id), error, 720);
+      write_depth_error_image(arguments.render.folder / numbered_name("depth_error_", id, ".png"), error, 720);
     }
   });
 

@@ -72,7 +72,7 @@ std::vector<OutputView> ViewImages::put(const fs::path& folder, const Similarity
     std::string name = is_frame ? numbered_name("", id, ".jpg") : origin->second.file.filename().string();
     if (is_turned) name = fs::path(name).replace_extension(".jpg").string();
     if (!names.insert(name).second) {  // same name in another subfolder
-      name = numbered_name("", id, ("_" + name).c_str());
+      name = numbered_name("", id, "_" + name);
       names.insert(name);
     }
     if (is_frame || is_turned) {  // trainers ignore EXIF data
