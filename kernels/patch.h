@@ -70,8 +70,8 @@ PMSP_HD PatchFrame<F> patch_frame(const F& sin_lon, const F& cos_lon, const F& s
 }
 
 /// Standard deviation of the bilateral weights relative to the spread of the patch: the deviation from the centre that
-/// 15 of the 36 samples do not exceed. WrappedPixel a silhouette it is small and excludes the silhouette; in full texture it
-/// keeps all samples. Fine patches use a smaller factor; untextured ones need the weak edges around them.
+/// 15 of the 36 samples do not exceed. WrappedPixel a silhouette it is small and excludes the silhouette; in full
+/// texture it keeps all samples. Fine patches use a smaller factor; untextured ones need the weak edges around them.
 constexpr float kSigmaPerSpread = 3.0F;
 constexpr float kFineSigmaPerSpread = 1.5F;
 

@@ -27,7 +27,7 @@ struct PlannedCallbacks : DensifierCallbacks {
   std::function<void(const PlanEntry&)> planned;
 };
 
-/// MatchArgs of a keyframe with fewer passes, in a run of a given plan.
+/// Matching of a keyframe with fewer passes, in a run of a given plan.
 struct PlaneReuse {
   /// Available planes of an earlier run (PlannedCallbacks::planes).
   enum class Planes {

@@ -19,8 +19,9 @@ namespace pmsp {
 /// Address and limits of an HTTP server.
 struct HttpOptions {
   std::string address = "127.0.0.1";
-  std::uint16_t port = 0;                               ///< 0 = any free port
-  std::size_t connections = 64;                         ///< maximum number; connections without token are closed first
+  std::uint16_t port = 0;  ///< 0 = any free port
+  /// Maximum number; a further one replaces a connection without token, or is refused.
+  std::size_t connections = 64;
   std::size_t header_bytes = 8192;                      ///< maximum size of request headers
   std::chrono::milliseconds for_headers{10'000};        ///< timeout for a request
   std::chrono::milliseconds for_chunk{20'000};          ///< timeout for the transfer of 64 KiB
@@ -28,14 +29,14 @@ struct HttpOptions {
   int nice = 0;                                         ///< niceness added to its thread
 };
 
-/// Source of a live map, as the members of LiveDensifier. Called on threads of the server, several at once.
+/// Source of a live map, as the members of LiveDensifier. Called on the thread of the server.
 struct LiveSource {
   std::function<LiveChanges(LiveVersion since)> changes_since;
   std::function<std::shared_ptr<const LiveSnapshot>()> snapshot;
 };
 
 /// Keyframe of the trajectory, with or without points.
-struct LivePlace {
+struct TrajectoryPose {
   std::int64_t id = 0;
   RigidTransform cam_from_world;
 };
@@ -55,7 +56,8 @@ struct LivePage {
 ///     std::cerr << server.url() << "\n";
 class PMSP_API LiveServer {
  public:
-  /// Throws InvalidOption if the address is invalid, OutputError if it is not available.
+  /// Throws InvalidOption if the address is invalid, OutputError if it is not available, Error if the build has no page
+  /// (PMSP_VIEWER).
   LiveServer(const HttpOptions& options, LiveSource source);
   /// `live` must outlive the server.
   LiveServer(const HttpOptions& options, const LiveDensifier& live);
@@ -66,9 +68,10 @@ class PMSP_API LiveServer {
   std::string url() const;  ///< with the token that all requests need
 
   /// `trajectory`: all keyframes in order; empty = those with points.
-  void set_page(LivePage page, std::vector<LivePlace> trajectory);
+  void set_page(LivePage page, std::vector<TrajectoryPose> trajectory);
   void set_camera(const RigidTransform& cam_from_world);  ///< sets the current pose
-  /// Announces the end of the map and blocks until all browsers have fetched it, or `at_most` has elapsed.
+  /// Announces the end of the map and blocks until all polling pages were sent it and no request has come for 1.5 s, at
+  /// most `at_most`. Slower pages may lack the last points.
   void finish(std::chrono::milliseconds at_most);
 
  private:

@@ -74,7 +74,8 @@ class CpuProcessor {
   std::size_t number() const { return 0; }
   ReadyEvent mark() const { return nullptr; }
   template <class T>
-  Array<T> copy_from(const Array<T>& from, std::size_t /*count*/, const CpuProcessor& /*home*/, ReadyEvent /*made*/) const {
+  Array<T> copy_from(const Array<T>& from, std::size_t /*count*/, const CpuProcessor& /*home*/,
+                     ReadyEvent /*made*/) const {
     return from;
   }
   void synchronize() const {}

@@ -59,7 +59,7 @@ __device__ Vec3<float> of_thread(const Vec3<float>& v, int thread) {
 __device__ Search of_thread(const Search& search, int thread) {
   return {of_thread(search.point, thread),
           of_thread(search.normal, thread),
-          {__shfl_sync(kAll, search.off.error, thread), __shfl_sync(kAll, search.off.most, thread)},
+          {__shfl_sync(kAll, search.off.error, thread), __shfl_sync(kAll, search.off.max, thread)},
           __shfl_sync(kAll, search.rank, thread),
           {{__shfl_sync(kAll, search.there.at.x, thread), __shfl_sync(kAll, search.there.at.y, thread)},
            __shfl_sync(kAll, search.there.spacing, thread)}};
@@ -104,7 +104,7 @@ __global__ void duplicate_kernel(const __grid_constant__ DuplicateArgs args) {
   const int pixel = inside ? y * round.width() + x : 0;
   const std::uint8_t before = inside ? round.map.statuses[pixel] : 0;
   const bool decides = inside && kernels::status_of(before) == PointStatus::kOpen;
-  if (inside && !decides) round.statuses[pixel] = previous;
+  if (inside && !decides) round.statuses[pixel] = before;
   if (__any_sync(kAll, decides) == 0) return;
   kernels::OpenPoint<float> open_point{};
   std::uint32_t pending = 0;

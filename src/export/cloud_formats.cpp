@@ -44,6 +44,6 @@ const CloudFormat* cloud_format_of(const std::filesystem::path& path) {
 
 void CloudWriter::set_window(std::int64_t, const std::vector<std::int64_t>&) {}
 
-bool CloudWriter::take(std::size_t, const PointProducer&) { return false; }
+bool CloudWriter::add_parallel(std::size_t, const PointProducer&) { return false; }
 
 }  // namespace pmsp

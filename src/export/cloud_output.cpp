@@ -113,7 +113,7 @@ void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
   };
   std::vector<CloudWriter*> writers = impl.all_writers();
   if (!impl.thinning) {
-    const auto takes = [&](CloudWriter* writer) { return writer->take(size, place); };
+    const auto takes = [&](CloudWriter* writer) { return writer->add_parallel(size, place); };
     writers.erase(std::remove_if(writers.begin(), writers.end(), takes), writers.end());
     if (writers.empty()) {
       impl.written += static_cast<std::int64_t>(size);

@@ -91,7 +91,7 @@ class Las final : public CloudWriter {
   void add(const OutputPoint* points, std::size_t count) override { file_.add(points, count, encoder()); }
 
   bool add_parallel(std::size_t count, const PointProducer& producer) override {
-    file_.add(count, place, encoder());
+    file_.add(count, producer, encoder());
     return true;
   }
 

@@ -8,7 +8,7 @@
 
 namespace pmsp {
 
-/// Puts a number at `at`, least significant byte first; returns where the next one goes.
+/// Stores a number little-endian; returns the position after it.
 template <class T>
 char* put_little(char* at, T value) {
   static_assert(std::is_arithmetic_v<T>, "numbers only");
@@ -19,7 +19,7 @@ char* put_little(char* at, T value) {
   return at + sizeof(T);
 }
 
-/// The same at the end of a text.
+/// Appends it to a string.
 template <class T>
 void append_little(std::string& text, T value) {
   char bytes[sizeof(T)];

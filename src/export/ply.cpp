@@ -85,7 +85,7 @@ class Ply final : public CloudWriter {
   }
 
   bool add_parallel(std::size_t count, const PointProducer& producer) override {
-    file_.add(count, place, double_positions_ ? encode<double> : encode<float>);
+    file_.add(count, producer, double_positions_ ? encode<double> : encode<float>);
     return true;
   }
 

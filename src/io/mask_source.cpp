@@ -206,7 +206,7 @@ bool MaskSource::has_mask(const fs::path& image) const {
   return impl_->is_everywhere() || !file_for(image).empty() || impl_->may_have_alpha(image);
 }
 
-MaskSummary MaskSource::look(const std::vector<fs::path>& images, int width, int height) {
+MaskSummary MaskSource::summarise(const std::vector<fs::path>& images, int width, int height) {
   MaskSummary summary;
   summary.images = images.size();
   std::vector<fs::path> masked;

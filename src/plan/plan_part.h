@@ -36,7 +36,7 @@ class PlanPart {
   bool emits(std::size_t entry_index) const { return planned_stages_[entry_index].emits_results; }
   bool runs(const Stage& stage, std::size_t entry_index) const;
 
-  /// MatchArgs of the keyframe with fewer passes; ignored unless `needs_earlier`.
+  /// Matching of the keyframe with fewer passes; ignored unless `needs_earlier`.
   const std::optional<PlaneReuse>& reuse(std::size_t entry_index) const { return planned_stages_[entry_index].reuse; }
   bool needs_earlier(std::size_t entry_index) const { return planned_stages_[entry_index].earlier; }
 

@@ -31,7 +31,8 @@ class ViewChain {
   void clear();
 
   /// An empty chain accepts any keyframe.
-  Verdict compare(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center, Preference lean = Preference::kNone) const;
+  Verdict compare(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center,
+                  Preference lean = Preference::kNone) const;
 
   /// Whether its median sharpness relative to the last keyframes is too low; the median tolerates a blurred one among
   /// them.

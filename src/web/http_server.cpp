@@ -174,34 +174,34 @@ class Session : public std::enable_shared_from_this<Session> {
     next_ = part.first;
     end_ = is_head_ ? next_ : part.first + part.count;
     serializer_.reset();
-    head_ = {};
-    head_.version(parser_ ? parser_->get().version() : 11);
-    head_.result(static_cast<unsigned>(reply_.status));
-    head_.keep_alive(keep_alive_);
-    head_.set(http::field::content_type, reply_.type);
-    if (reply_.status != 204) head_.set(http::field::content_length, std::to_string(part.count));
-    if (is_file) head_.set(http::field::accept_ranges, "bytes");
+    header_ = {};
+    header_.version(parser_ ? parser_->get().version() : 11);
+    header_.result(static_cast<unsigned>(reply_.status));
+    header_.keep_alive(keep_alive_);
+    header_.set(http::field::content_type, reply_.type);
+    if (reply_.status != 204) header_.set(http::field::content_length, std::to_string(part.count));
+    if (is_file) header_.set(http::field::accept_ranges, "bytes");
     if (reply_.status == 206) {
-      head_.set(http::field::content_range, "bytes " + std::to_string(part.first) + "-" +
-                                                std::to_string(part.first + part.count - 1) + "/" +
-                                                std::to_string(size));
+      header_.set(http::field::content_range, "bytes " + std::to_string(part.first) + "-" +
+                                                  std::to_string(part.first + part.count - 1) + "/" +
+                                                  std::to_string(size));
     } else if (reply_.status == 416) {
-      head_.set(http::field::content_range, "bytes */" + std::to_string(size));
+      header_.set(http::field::content_range, "bytes */" + std::to_string(size));
     } else if (reply_.status == 308) {
-      head_.set(http::field::location, location_);
+      header_.set(http::field::location, location_);
     } else if (reply_.status == 405) {
-      head_.set(http::field::allow, "GET, HEAD");
+      header_.set(http::field::allow, "GET, HEAD");
     }
     // The token and the contents must not reach third parties.
-    head_.set(http::field::cache_control, "no-store");
-    head_.set("Referrer-Policy", "no-referrer");
-    head_.set("X-Content-Type-Options", "nosniff");
-    head_.set("Cross-Origin-Resource-Policy", "same-origin");
-    head_.set("X-Frame-Options", "DENY");
+    header_.set(http::field::cache_control, "no-store");
+    header_.set("Referrer-Policy", "no-referrer");
+    header_.set("X-Content-Type-Options", "nosniff");
+    header_.set("Cross-Origin-Resource-Policy", "same-origin");
+    header_.set("X-Frame-Options", "DENY");
     // Foreign pages of a served directory must not send it elsewhere. Own pages contain a stricter policy.
-    head_.set("Content-Security-Policy",
-              "default-src 'self' 'unsafe-inline' data: blob:; base-uri 'none'; form-action 'none'");
-    serializer_.emplace(head_);
+    header_.set("Content-Security-Policy",
+                "default-src 'self' 'unsafe-inline' data: blob:; base-uri 'none'; form-action 'none'");
+    serializer_.emplace(header_);
     stream_.expires_after(common_.options.for_chunk);
     http::async_write_header(stream_, *serializer_, [self = shared_from_this()](Error error, std::size_t) {
       if (error) return self->close();
@@ -247,7 +247,7 @@ class Session : public std::enable_shared_from_this<Session> {
   HttpRequest request_;
   std::chrono::steady_clock::time_point give_up_;
   HttpReply reply_;
-  http::response<http::empty_body> head_;
+  http::response<http::empty_body> header_;
   std::optional<http::response_serializer<http::empty_body>> serializer_;
   std::string location_;
   std::vector<char> chunk_;

@@ -10,9 +10,9 @@
 namespace pmsp::web {
 
 /// Maximum number of points of a keyframe in the live page.
-constexpr std::size_t kMostLivePoints = 40'000;
+constexpr std::size_t kMaxLivePoints = 40'000;
 
-/// Returns at most `most` points, evenly selected, without pixels and agreement.
+/// Returns at most `most` points, evenly selected, without `pixels`, `agree` and `window_ids`.
 PMSP_API KeyframeCloud thinned(const KeyframeCloud& cloud, std::size_t most);
 
 /// Encodes points for the page: corner (3 x 64 bits) and side (64 bits) of their bounding cube in the frame of the

@@ -10,6 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "pmsp/error.h"
 #include "pmsp/version.h"
 #include "util/number_from.h"
 #include "web/http_server.h"
@@ -24,11 +25,11 @@ using namespace web;
 using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kMaxBlocks = 32;
-/// Time without requests after which a client is gone.
+/// Time without requests after which a client is assumed to be closed.
 constexpr auto kClientTimeout = std::chrono::seconds(15);
 constexpr std::size_t kMaxClients = 64;
-/// Time without requests after which a client has fetched all points.
-constexpr auto kQuiet = std::chrono::milliseconds(1500);
+/// Idle time after the end of the map after which clients are assumed to have all points.
+constexpr auto kIdleTime = std::chrono::milliseconds(1500);
 
 HttpReply reply_of(std::string body, const char* type) {
   HttpReply reply;
@@ -47,7 +48,7 @@ struct LiveServer::Impl {
         server_(std::make_unique<HttpServer>(options, [this](const HttpRequest& request) { return answer(request); })) {
   }
 
-  void set_page(LivePage page, std::vector<LivePlace> trajectory);
+  void set_page(LivePage page, std::vector<TrajectoryPose> trajectory);
   void set_camera(const RigidTransform& cam_from_world);
   void finish(std::chrono::milliseconds at_most);
   std::string url() const { return server_->url(); }
@@ -55,22 +56,29 @@ struct LiveServer::Impl {
  private:
   using Json = nlohmann::ordered_json;
 
+  /// What a reply reports about the map. Read before the points, so that `is_done` implies all of them.
+  struct State {
+    bool is_done = false;
+    std::uint64_t page_version = 0, state_version = 0;
+  };
+
   std::optional<HttpReply> answer(const HttpRequest& request);
   HttpReply page() const;
   std::optional<HttpReply> changes(const HttpRequest& request);
-  HttpReply points(std::int64_t id, LiveVersion since);
-  Json changes_json(const LiveChanges& changes, std::uint64_t news) const;
+  void add_client(std::uint64_t number);
+  HttpReply points(std::int64_t id, LiveVersion version);
+  Json changes_json(const LiveChanges& changes, const State& state, std::uint64_t state_version) const;
   Json matrix_json(const KeyframePose& pose) const;
   Json center_json(const Eigen::Vector3d& center) const;
 
   const LiveSource source_;
-  mutable std::mutex mutex_;
+  mutable std::mutex mutex_;  ///< guards page_ to last_answer_; blocks_ is used by the server's thread only
   LivePage page_;
-  std::vector<LivePlace> trajectory_;
+  std::vector<TrajectoryPose> trajectory_;
   std::optional<RigidTransform> camera_;  ///< cam_from_world
   bool is_done_ = false;
-  std::uint64_t page_version_ = 1;        ///< pages of an earlier version reload themselves
-  std::uint64_t state_version_ = 1;       ///< of all but points
+  std::uint64_t page_version_ = 1;        ///< pages of an earlier version reload
+  std::uint64_t state_version_ = 1;       ///< incremented by changes of page, trajectory, camera and end
   std::uint64_t trajectory_version_ = 1;  ///< `state_version_` at its last change
   /// Page that polls for changes.
   struct Client {
@@ -79,30 +87,35 @@ struct LiveServer::Impl {
   };
   std::map<std::uint64_t, Client> clients_;  ///< recent ones, by the number that each chooses for itself
   std::optional<std::chrono::steady_clock::time_point> last_answer_;
-  std::map<std::pair<std::int64_t, LiveVersion>, std::shared_ptr<const std::string>> blocks_;  ///< recently requested
+  /// By keyframe and version of its points; the newest ones requested.
+  std::map<std::pair<std::int64_t, LiveVersion>, std::shared_ptr<const std::string>> blocks_;
   std::unique_ptr<HttpServer> server_;  ///< last member: its thread uses the others
 };
 
-LiveServer::LiveServer(const HttpOptions& options, LiveSource source)
-    : impl_(std::make_unique<Impl>(options, std::move(source))) {}
+LiveServer::LiveServer(const HttpOptions& options, LiveSource source) {
+  if (!has_report_page()) {
+    throw Error("LiveServer: this build of pmsp_web has no page; build it with PMSP_VIEWER=ON");
+  }
+  impl_ = std::make_unique<Impl>(options, std::move(source));
+}
 LiveServer::LiveServer(const HttpOptions& options, const LiveDensifier& live)
     : LiveServer(options, {[&live](LiveVersion since) { return live.changes_since(since); },
                            [&live] { return live.snapshot(); }}) {}
 LiveServer::~LiveServer() = default;
 
 std::string LiveServer::url() const { return impl_->url(); }
-void LiveServer::set_page(LivePage page, std::vector<LivePlace> trajectory) {
+void LiveServer::set_page(LivePage page, std::vector<TrajectoryPose> trajectory) {
   impl_->set_page(std::move(page), std::move(trajectory));
 }
 void LiveServer::set_camera(const RigidTransform& cam_from_world) { impl_->set_camera(cam_from_world); }
 void LiveServer::finish(std::chrono::milliseconds at_most) { impl_->finish(at_most); }
 
-void LiveServer::Impl::set_page(LivePage page, std::vector<LivePlace> trajectory) {
+void LiveServer::Impl::set_page(LivePage page, std::vector<TrajectoryPose> trajectory) {
   const std::lock_guard<std::mutex> lock(mutex_);
   const Similarity &now = page.file_from_map, &before = page_.file_from_map;
   const bool is_same = page.title == page_.title && page.unit == page_.unit && now.scale == before.scale &&
                        now.rotation == before.rotation && now.translation == before.translation;
-  if (!is_same || trajectory_.empty()) ++page_version_;
+  if (!is_same || (trajectory_.empty() && !trajectory.empty())) ++page_version_;
   page_ = std::move(page);
   trajectory_ = std::move(trajectory);
   trajectory_version_ = ++state_version_;
@@ -124,11 +137,12 @@ void LiveServer::Impl::finish(std::chrono::milliseconds at_most) {
   for (;; std::this_thread::sleep_for(std::chrono::milliseconds(20))) {
     const std::lock_guard<std::mutex> lock(mutex_);
     const Clock::time_point now = Clock::now();
-    if (!last_answer_ || now - *last_answer_ > kClientTimeout || now - begin > at_most) return;
+    if (now - begin > at_most) return;
     const bool have_end = std::all_of(clients_.begin(), clients_.end(), [now](const auto& it) {
       return it.second.received_end || now - it.second.last_request > kClientTimeout;
     });
-    if (have_end && now - std::max(*last_answer_, begin) > kQuiet) return;
+    const bool is_unused = !last_answer_ || now - *last_answer_ > kClientTimeout;
+    if (have_end && (is_unused || now - std::max(*last_answer_, begin) > kIdleTime)) return;
   }
 }
 
@@ -141,8 +155,8 @@ std::optional<HttpReply> LiveServer::Impl::answer(const HttpRequest& request) {
     reply = changes(request);
   } else if (path.size() == 4 && path[0] == "live" && path[1] == "points") {
     const auto id = number_from<std::int64_t>(path[2]);
-    const auto since = number_from<LiveVersion>(path[3]);
-    reply = id && since ? points(*id, *since) : not_found();
+    const auto version = number_from<LiveVersion>(path[3]);
+    reply = id && version ? points(*id, *version) : not_found();
   } else {
     reply = not_found();
   }
@@ -155,12 +169,12 @@ HttpReply LiveServer::Impl::page() const {
   const std::shared_ptr<const LiveSnapshot> snapshot = source_.snapshot();
   const std::lock_guard<std::mutex> lock(mutex_);
   Eigen::Vector3d up = Eigen::Vector3d::Zero();
-  const auto look = [&](const RigidTransform& cam_from_world) {
+  const auto add_up = [&](const RigidTransform& cam_from_world) {
     up -= page_.file_from_map.rotation * cam_from_world.rotation.row(1).transpose();
   };
-  for (const LivePlace& place : trajectory_) look(place.cam_from_world);
+  for (const TrajectoryPose& pose : trajectory_) add_up(pose.cam_from_world);
   if (trajectory_.empty()) {
-    for (const LiveCloud& cloud : snapshot->clouds) look(cloud.pose.cam_from_world);
+    for (const LiveCloud& cloud : snapshot->clouds) add_up(cloud.pose.cam_from_world);
   }
   Json json{{"format", "pmsp-report"},
             {"version", 1},
@@ -175,9 +189,9 @@ HttpReply LiveServer::Impl::page() const {
   for (const char* none : {"nodes", "keyframes", "confidences", "facts", "times", "problems"})
     json[none] = Json::array();
   json["pixel"] = 0.01;
-  json["notes"] = {"The page shows points while they are computed: at most " + std::to_string(kMostLivePoints) +
+  json["notes"] = {"The page shows points while they are computed: at most " + std::to_string(kMaxLivePoints) +
                    " of each keyframe. A report (--report) contains all points."};
-  json["live"] = page_version_;
+  json["live_page_version"] = page_version_;
   const std::string data = "<script type=\"application/json\" id=\"pmsp-data\">" + script_json(json) + "</script>\n";
   const auto [before, after] = page_around_data(true);
   return reply_of(before + data + after, "text/html; charset=utf-8");
@@ -185,48 +199,64 @@ HttpReply LiveServer::Impl::page() const {
 
 std::optional<HttpReply> LiveServer::Impl::changes(const HttpRequest& request) {
   const auto number = [&](const char* name) { return number_in_query(request.query, name).value_or(0); };
-  const std::uint64_t epoch = number("epoch"), news = number("news");
-  const LiveChanges changes = source_.changes_since(number("since"));
+  const std::uint64_t page_version = number("page_version"), state_version = number("state_version");
+  const std::uint64_t client = number("client");
+  const LiveVersion since = number("since");
+  State state;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    state = {is_done_, page_version_, state_version_};
+    add_client(client);
+  }
+  const bool may_wait = !request.must_answer && !state.is_done && state_version == state.state_version &&
+                        page_version == state.page_version;
+  if (may_wait && source_.snapshot()->version == since) return std::nullopt;
+  const LiveChanges changes = source_.changes_since(since);
+  if (may_wait && changes.empty()) return std::nullopt;
   const std::lock_guard<std::mutex> lock(mutex_);
-  const bool has_changes = !changes.empty() || news != state_version_ || epoch != page_version_;
-  Client& client = clients_[number("client")];
-  client.last_request = Clock::now();
+  clients_[client].received_end = state.is_done;
+  return reply_of(changes_json(changes, state, state_version).dump(), "application/json");
+}
+
+/// Records a request of a page.
+void LiveServer::Impl::add_client(std::uint64_t number) {
+  clients_[number].last_request = Clock::now();
   while (clients_.size() > kMaxClients) {
     clients_.erase(std::min_element(clients_.begin(), clients_.end(), [](const auto& a, const auto& b) {
       return a.second.last_request < b.second.last_request;
     }));
   }
-  if (!has_changes && !request.must_answer) return std::nullopt;
-  client.received_end = is_done_;
-  return reply_of(changes_json(changes, news).dump(), "application/json");
 }
 
-nlohmann::ordered_json LiveServer::Impl::changes_json(const LiveChanges& changes, std::uint64_t news) const {
-  Json json{{"epoch", page_version_},
+nlohmann::ordered_json LiveServer::Impl::changes_json(const LiveChanges& changes, const State& state,
+                                                      std::uint64_t state_version) const {
+  Json json{{"page_version", state.page_version},
             {"version", changes.to},
-            {"news", state_version_},
+            {"state_version", state.state_version},
             {"reset", changes.reset},
-            {"done", is_done_}};
+            {"done", state.is_done}};
   json["clouds"] = Json::array();
   for (const auto* clouds : {&changes.added, &changes.replaced, &changes.moved}) {
     for (const LiveCloud& cloud : *clouds) {
-      json["clouds"].push_back({{"id", cloud.keyframe_id},
-                                {"since", cloud.cloud_since},
-                                {"preliminary", cloud.preliminary},
+      json["clouds"].push_back({{"id", std::to_string(cloud.keyframe_id)},
+                                {"points_version", cloud.cloud_since},
                                 {"matrix", matrix_json(cloud.pose)}});
     }
   }
-  json["removed"] = changes.removed;
+  json["removed"] = Json::array();
+  for (const std::int64_t id : changes.removed) json["removed"].push_back(std::to_string(id));
   if (camera_) json["camera"] = matrix_json({*camera_, 1.0});
-  if (news >= trajectory_version_) return json;
-  json["flight"] = Json::array();
-  for (const LivePlace& place : trajectory_) {
-    json["flight"].push_back({{"id", place.id}, {"matrix", matrix_json({place.cam_from_world, 1.0})}});
+  if (!changes.reset && state_version >= trajectory_version_) return json;
+  json["trajectory"] = Json::array();
+  for (const TrajectoryPose& pose : trajectory_) {
+    json["trajectory"].push_back(
+        {{"id", std::to_string(pose.id)}, {"matrix", matrix_json({pose.cam_from_world, 1.0})}});
   }
   return json;
 }
 
-/// Returns the matrix, by rows, from the keyframe's frame to that of the page, with the origin of the map.
+/// Returns the 3x4 matrix, row-major, from keyframe to page, without the translation of file_from_map, which is
+/// `origin` of the page.
 nlohmann::ordered_json LiveServer::Impl::matrix_json(const KeyframePose& pose) const {
   const Similarity& file_from_map = page_.file_from_map;
   const RigidTransform world_from_cam = pose.cam_from_world.inverse();
@@ -244,19 +274,19 @@ nlohmann::ordered_json LiveServer::Impl::center_json(const Eigen::Vector3d& cent
   return vector_json(page_.file_from_map.scale * (page_.file_from_map.rotation * center));
 }
 
-HttpReply LiveServer::Impl::points(std::int64_t id, LiveVersion since) {
+HttpReply LiveServer::Impl::points(std::int64_t id, LiveVersion version) {
   const std::shared_ptr<const LiveSnapshot> snapshot = source_.snapshot();
   const auto found =
       std::lower_bound(snapshot->clouds.begin(), snapshot->clouds.end(), id,
                        [](const LiveCloud& cloud, std::int64_t wanted) { return cloud.keyframe_id < wanted; });
-  if (found == snapshot->clouds.end() || found->keyframe_id != id || found->cloud_since != since) {
-    HttpReply gone;  // replaced or removed since
-    gone.status = 204;
-    return gone;
+  if (found == snapshot->clouds.end() || found->keyframe_id != id || found->cloud_since != version) {
+    HttpReply outdated;  // replaced or removed since
+    outdated.status = 204;
+    return outdated;
   }
-  std::shared_ptr<const std::string>& block = blocks_[{id, since}];
+  std::shared_ptr<const std::string>& block = blocks_[{id, version}];
   if (!block) {
-    block = std::make_shared<const std::string>(live_block(thinned(*found->cloud, kMostLivePoints)));
+    block = std::make_shared<const std::string>(live_block(thinned(*found->cloud, kMaxLivePoints)));
   }
   HttpReply reply;
   reply.type = "application/octet-stream";

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <atomic>
 #include <thread>
 
 #include <catch2/catch.hpp>
@@ -56,12 +57,12 @@ struct Looked {
       : port(static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1)))), root(path_of(url)) {}
 
   json ask() {
-    const Reply reply =
-        get(port, root + "live/changes?epoch=1&since=" + std::to_string(since) + "&news=" + std::to_string(news));
+    const Reply reply = get(port, root + "live/changes?page_version=1&since=" + std::to_string(since) +
+                                      "&state_version=" + std::to_string(state_version));
     REQUIRE(reply.status == 200);
     const json changes = json::parse(reply.body);
     since = changes["version"];
-    news = changes["news"];
+    state_version = changes["state_version"];
     return changes;
   }
   Reply points(std::int64_t id, std::uint64_t version) const {
@@ -70,30 +71,46 @@ struct Looked {
 
   std::uint16_t port;
   std::string root;
-  std::uint64_t since = 0, news = 0;
+  std::uint64_t since = 0, state_version = 0;
 };
 
 /// A map served by LiveServer.
 struct ServedMap {
+  explicit ServedMap(const HttpOptions& options = short_polls())
+      : server(options, {[this](LiveVersion since) {
+                           ++queries;
+                           LiveChanges changes = map.changes_since(since);
+                           if (LiveServer* const ended = ends.exchange(nullptr)) {
+                             publish(9);
+                             ended->finish(std::chrono::milliseconds(0));
+                           }
+                           return changes;
+                         },
+                         [this] { return map.snapshot(); }}) {}
+
+  void publish(std::int64_t id) {
+    map.publish({id, pose_at(1.0), 0}, std::make_shared<const KeyframeCloud>(cloud_of(id, 3)), false);
+  }
+
   LiveMap map;
-  LiveServer server{
-      short_polls(),
-      {[this](LiveVersion since) { return map.changes_since(since); }, [this] { return map.snapshot(); }}};
+  std::atomic<int> queries{0};             ///< of changes of the map
+  std::atomic<LiveServer*> ends{nullptr};  ///< ends after the next query, with one more keyframe
+  LiveServer server;
   Looked page{server.url()};
 };
 
 }  // namespace
 
 TEST_CASE("a page receives added and replaced and moved and removed clouds") {
+  if (!has_report_page()) return;
   ServedMap it;
   it.page.ask();
   it.map.publish({7, pose_at(1.0), 0}, std::make_shared<const KeyframeCloud>(cloud_of(7, 3)), true);
   json changes = it.page.ask();
   REQUIRE(changes["clouds"].size() == 1);
-  CHECK(changes["clouds"][0]["id"] == 7);
-  CHECK(changes["clouds"][0]["preliminary"] == true);
+  CHECK(changes["clouds"][0]["id"] == "7");
   CHECK(changes["clouds"][0]["matrix"] == json({1.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0}));
-  const std::uint64_t first = changes["clouds"][0]["since"];
+  const std::uint64_t first = changes["clouds"][0]["points_version"];
   const Reply block = it.page.points(7, first);
   REQUIRE(block.body.size() == 32 + 3 * 13);
   CHECK(get_little<double>(block.body.data() + 16) == 2.0);                // z of the corner
@@ -103,12 +120,12 @@ TEST_CASE("a page receives added and replaced and moved and removed clouds") {
   it.map.move({{7, pose_at(4.0), 0}});
   changes = it.page.ask();
   REQUIRE(changes["clouds"].size() == 1);
-  CHECK(changes["clouds"][0]["since"] == first);
+  CHECK(changes["clouds"][0]["points_version"] == first);
   CHECK(changes["clouds"][0]["matrix"][3] == 4.0);
 
   it.map.publish({7, pose_at(4.0), 0}, std::make_shared<const KeyframeCloud>(cloud_of(7, 5)), false);
   changes = it.page.ask();
-  const std::uint64_t second = changes["clouds"][0]["since"];
+  const std::uint64_t second = changes["clouds"][0]["points_version"];
   CHECK(second > first);
   CHECK(it.page.points(7, second).body.size() == 32 + 5 * 13);
   CHECK(it.page.points(7, first).status == 204);
@@ -117,11 +134,12 @@ TEST_CASE("a page receives added and replaced and moved and removed clouds") {
   it.map.remove({7});
   changes = it.page.ask();
   CHECK(changes["clouds"].empty());
-  CHECK(changes["removed"] == json({7}));
+  CHECK(changes["removed"] == json({"7"}));
   CHECK(it.page.ask()["removed"].empty());  // after a while, though nothing has happened
 }
 
 TEST_CASE("a page receives the camera pose and the end of the mission") {
+  if (!has_report_page()) return;
   ServedMap it;
   it.page.ask();
   RigidTransform cam_from_world;  // turned by a quarter around z, at (1, 2, 3)
@@ -140,7 +158,82 @@ TEST_CASE("a page receives the camera pose and the end of the mission") {
   ending.join();
 }
 
+TEST_CASE("the end of a map never arrives before its last points") {
+  if (!has_report_page()) return;
+  ServedMap it;
+  it.page.ask();
+  it.publish(1);
+  it.ends = &it.server;
+  json changes = it.page.ask();
+  CHECK(changes["clouds"].size() == 1);
+  CHECK(changes["done"] == false);
+  changes = it.page.ask();
+  REQUIRE(changes["clouds"].size() == 1);
+  CHECK(changes["clouds"][0]["id"] == "9");
+  CHECK(changes["done"] == true);
+}
+
+TEST_CASE("the end of a map reaches pages that have waited since its begin") {
+  if (!has_report_page()) return;
+  HttpOptions options;
+  options.long_poll_timeout = std::chrono::minutes(1);
+  ServedMap it(options);
+  it.page.state_version = 1;  // as the server's
+  std::atomic<bool> is_done{false};
+  std::thread waiting([&] { is_done = it.page.ask()["done"]; });
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  it.server.finish(std::chrono::minutes(1));
+  CHECK(is_done);
+  waiting.join();
+}
+
+TEST_CASE("a page that waits does not query an unchanged map") {
+  if (!has_report_page()) return;
+  ServedMap it;
+  it.publish(1);
+  it.page.ask();
+  const int queries = it.queries;
+  it.page.ask();  // after some polls of the handler
+  CHECK(it.queries == queries + 1);
+}
+
+TEST_CASE("a page receives the trajectory again after a reset, and an empty one") {
+  if (!has_report_page()) return;
+  ServedMap it;
+  it.server.set_page({}, {{3, {}}, {1, {}}});
+  const json trajectory = it.page.ask()["trajectory"];
+  REQUIRE(trajectory.size() == 2);
+  CHECK(trajectory[0]["id"] == "3");
+  it.publish(1);
+  CHECK(it.page.ask().count("trajectory") == 0);
+  it.map.reset();
+  const json changes = it.page.ask();
+  CHECK(changes["reset"] == true);
+  CHECK(changes["trajectory"] == trajectory);
+  it.server.set_page({}, {});
+  CHECK(it.page.ask()["trajectory"] == json::array());
+}
+
+TEST_CASE("pages reload if their metadata or upward direction changes") {
+  if (!has_report_page()) return;
+  ServedMap it;
+  it.server.set_page({}, {});
+  CHECK(it.page.ask()["page_version"] == 1);
+  it.server.set_page({}, {{1, {}}});  // the upward direction is known from here on
+  CHECK(it.page.ask()["page_version"] == 2);
+  it.server.set_page({}, {{1, {}}, {2, {}}});
+  CHECK(it.page.ask()["page_version"] == 2);
+  it.server.set_page({"another title", "", {}}, {{1, {}}});
+  CHECK(it.page.ask()["page_version"] == 3);
+}
+
+TEST_CASE("a live page that is not in the build is refused") {
+  if (has_report_page()) return;
+  CHECK_THROWS_WITH(LiveServer({}, LiveSource{}), Contains("PMSP_VIEWER=ON"));
+}
+
 TEST_CASE("unknown paths of a live page give 404") {
+  if (!has_report_page()) return;
   ServedMap it;
   for (const char* target :
        {"live", "live/", "live/points/7", "live/points/x/1", "live/points/7/-1", "live/points/7/1/2",
@@ -148,14 +241,14 @@ TEST_CASE("unknown paths of a live page give 404") {
     INFO(target);
     CHECK(get(it.page.port, it.page.root + target).status == 404);
   }
-  CHECK(get(it.page.port, it.page.root + "live/changes?since=x&news=").status == 200);
+  CHECK(get(it.page.port, it.page.root + "live/changes?since=x&state_version=").status == 200);
   CHECK(get(it.page.port, "/live/changes").status == 404);
-  if (!has_report_page()) return;
   const Reply page = get(it.page.port, it.page.root);
-  CHECK_THAT(page.body, Contains("default-src 'none'; connect-src 'self';") && Contains("\"live\":1"));
+  CHECK_THAT(page.body, Contains("default-src 'none'; connect-src 'self';") && Contains("\"live_page_version\":1"));
 }
 
 TEST_CASE("a second run moves clouds that it keeps and drops the others") {
+  if (!has_report_page()) return;
   LiveArguments arguments;
   arguments.port = 0;
   LiveView view(arguments);
@@ -168,18 +261,18 @@ TEST_CASE("a second run moves clouds that it keeps and drops the others") {
   Looked page(view.url());
   json changes = page.ask();
   REQUIRE(changes["clouds"].size() == 2);
-  const std::uint64_t since = changes["clouds"][0]["since"];
-  CHECK(page.points(1, since).body.size() == 32 + 13 * kMostLivePoints);
+  const std::uint64_t version = changes["clouds"][0]["points_version"];
+  CHECK(page.points(1, version).body.size() == 32 + 13 * kMaxLivePoints);
   view.begin(map, {});
   a.cam_from_world.translation = {0.0, 0.0, 5.0};
   view.add(a);
   view.end();
   changes = page.ask();
   REQUIRE(changes["clouds"].size() == 1);
-  CHECK(changes["clouds"][0]["id"] == 1);
-  CHECK(changes["clouds"][0]["since"] == since);
+  CHECK(changes["clouds"][0]["id"] == "1");
+  CHECK(changes["clouds"][0]["points_version"] == version);
   CHECK(changes["clouds"][0]["matrix"][11] == -5.0);
-  CHECK(changes["removed"] == json({2}));
+  CHECK(changes["removed"] == json({"2"}));
 }
 
 TEST_CASE("a thinned cloud is an even share") {

@@ -12,8 +12,8 @@
 namespace pmsp::tool {
 namespace {
 
-constexpr std::size_t kMostPoints = 5'000'000;
-constexpr std::size_t kFewestPoints = 1'000;
+constexpr std::size_t kMaxPoints = 5'000'000;
+constexpr std::size_t kMinPointsEach = 1'000;
 
 HttpOptions http_options(const LiveArguments& arguments) {
   HttpOptions options;
@@ -40,23 +40,23 @@ LiveView::LiveView(const LiveArguments& arguments)
 }
 
 void LiveView::begin(const SlamMap& map, LivePage page) {
-  named_.clear();
+  added_.clear();
   points_each_ =
-      std::clamp(kMostPoints / std::max<std::size_t>(map.keyframes.size(), 1), kFewestPoints, web::kMostLivePoints);
-  std::vector<LivePlace> flight;
-  for (const MapKeyframe* keyframe : in_time_order(map)) flight.push_back({keyframe->id, keyframe->cam_from_world});
-  server_.set_page(std::move(page), std::move(flight));
+      std::clamp(kMaxPoints / std::max<std::size_t>(map.keyframes.size(), 1), kMinPointsEach, web::kMaxLivePoints);
+  std::vector<TrajectoryPose> trajectory;
+  for (const MapKeyframe* keyframe : in_time_order(map)) trajectory.push_back({keyframe->id, keyframe->cam_from_world});
+  server_.set_page(std::move(page), std::move(trajectory));
 }
 
 void LiveView::add(const KeyframeCloud& cloud) {
   const std::int64_t id = cloud.keyframe_id;
-  named_.insert(id);
+  added_.insert(id);
   auto points = std::make_shared<const KeyframeCloud>(web::thinned(cloud, points_each_));
   const std::shared_ptr<const LiveSnapshot> now = map_.snapshot();
-  const auto there = std::lower_bound(now->clouds.begin(), now->clouds.end(), id,
+  const auto found = std::lower_bound(now->clouds.begin(), now->clouds.end(), id,
                                       [](const LiveCloud& it, std::int64_t wanted) { return it.keyframe_id < wanted; });
-  if (there != now->clouds.end() && there->keyframe_id == id &&
-      std::equal(points->points.begin(), points->points.end(), there->cloud->points.begin(), there->cloud->points.end(),
+  if (found != now->clouds.end() && found->keyframe_id == id &&
+      std::equal(points->points.begin(), points->points.end(), found->cloud->points.begin(), found->cloud->points.end(),
                  are_same)) {
     map_.move({{id, cloud.pose(), 0}});
   } else {
@@ -65,11 +65,12 @@ void LiveView::add(const KeyframeCloud& cloud) {
 }
 
 void LiveView::end() {
-  std::vector<std::int64_t> gone;
-  for (const LiveCloud& cloud : map_.snapshot()->clouds) {
-    if (named_.count(cloud.keyframe_id) == 0) gone.push_back(cloud.keyframe_id);
+  const std::shared_ptr<const LiveSnapshot> snapshot = map_.snapshot();
+  std::vector<std::int64_t> removed;
+  for (const LiveCloud& cloud : snapshot->clouds) {
+    if (added_.count(cloud.keyframe_id) == 0) removed.push_back(cloud.keyframe_id);
   }
-  map_.remove(gone);
+  map_.remove(removed);
 }
 
 }  // namespace pmsp::tool

@@ -12,19 +12,18 @@
 
 namespace pmsp::tool {
 
-/// The live page of a run, or of run after run where one follows a map. Memory: 32 bytes a point, of some five million
-/// at most. What it costs a run is a copy of some points of each keyframe, whoever looks.
+/// Live page of a run, or of successive runs (--follow). Keeps a subset of the points in memory, 32 bytes each.
 class LiveView {
  public:
-  /// Tells the address on stderr. Throws as LiveServer.
+  /// Prints the address to stderr. Throws as LiveServer.
   explicit LiveView(const LiveArguments& arguments);
 
-  /// A run begins.
+  /// Starts a run.
   void begin(const SlamMap& map, LivePage page);
   void set_camera(const RigidTransform& cam_from_world) { server_.set_camera(cam_from_world); }
-  /// A keyframe's points: new ones, or those that are there at another place.
+  /// Publishes a keyframe; sets only its pose if its points are unchanged.
   void add(const KeyframeCloud& cloud);
-  /// The run is through: keyframes that were not named since it began are gone.
+  /// Ends a run: removes keyframes not added since `begin`.
   void end();
 
   std::string url() const { return server_.url(); }
@@ -34,7 +33,7 @@ class LiveView {
  private:
   LiveMap map_;
   std::size_t points_each_ = 0;
-  std::set<std::int64_t> named_;
+  std::set<std::int64_t> added_;
   LiveServer server_;  ///< its thread reads the map
 };
 

@@ -7,7 +7,7 @@ import { Throttle } from "./throttle";
 
 const kWidth = 72;
 const kHeight = 36;
-const kMostPoints = 500_000; // that are looked at
+const kMaxPoints = 500_000; // that are looked at
 const kPause = 700; // [ms]
 
 /** Axes of the camera: right, down, forward. */
@@ -33,7 +33,7 @@ interface Points {
 /** `pose`: from the page's origin. */
 export function coveredAround(points: Points, pose: Pose): Covered {
   const seen = new Uint8Array(kWidth * kHeight);
-  points.forEach(Math.max(1, Math.ceil(points.loaded / kMostPoints)), (x, y, z) => {
+  points.forEach(Math.max(1, Math.ceil(points.loaded / kMaxPoints)), (x, y, z) => {
     const p = toCamera(pose, sub([x, y, z], pose.center));
     const length = Math.hypot(p[0], p[1], p[2]);
     if (!(length > 0)) return;
@@ -102,7 +102,7 @@ export class Around {
 
   /** Points or camera have changed; what comes of it is shown a moment later. */
   changed(): void {
-    this.later.ask();
+    this.later.request();
   }
 
   private show(covered: Covered): void {

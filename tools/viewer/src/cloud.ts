@@ -29,16 +29,16 @@ export interface Cube {
   /** Of the octree. */
   level: number;
   corner: Vec3;
-  /** From the cube with corners 0 and 1 to the keyframe that it hangs on, or else to the page. */
+  /** From the unit cube to its parent frame: of a keyframe, else of the page. */
   local: Matrix4;
-  /** To the page. */
+  /** From the unit cube to the page. */
   matrix: Matrix4;
   side: number;
   center: Vector3;
   /** Of the ball around it. */
   radius: number;
   points: NodePoints | null;
-  /** Those of them that the page itself holds. */
+  /** Points embedded in the page. */
   held: NodePoints | null;
   drawn: Points | null;
   /** Between points; 0 = as everywhere. */
@@ -60,13 +60,13 @@ function texture(name: PaletteName): DataTexture {
 export class Cloud {
   readonly group = new Group();
   cubes: Cube[];
-  /** Those that hang on a keyframe, by its id. */
-  private readonly hung = new Map<number, Cube>();
+  /** Cubes of keyframes, by keyframe id. */
+  private readonly keyframeCubes = new Map<string, Cube>();
   loaded = 0;
   /** Points that may be drawn at a time. */
   budget = 3_000_000;
   drawnPoints = 0;
-  /** In the axes of the plan: what a picture should show, without crowds far away (framing.ts). */
+  /** Robust bounds along `basis` (framing.ts). */
   low: Vec3 = [-1, -1, -1];
   high: Vec3 = [1, 1, 1];
   private readonly palettes = { viridis: texture("viridis"), cividis: texture("cividis") };
@@ -90,8 +90,8 @@ export class Cloud {
         coloring: { value: 0 },
         facing: { value: false },
         size: { value: 0.01 },
-        pixels: { value: 1000 },
-        most: { value: 24 },
+        focalLength: { value: 1000 },
+        maxPointSize: { value: 24 },
         palette: { value: this.palettes.viridis },
       },
     });
@@ -99,6 +99,7 @@ export class Cloud {
   }
 
   private spacing: number;
+  private isSpacingOutdated = false;
   /** Of points, times the usual one. */
   private pointSize = 1;
 
@@ -124,33 +125,33 @@ export class Cloud {
     if (given) this.attach(cube, given);
   }
 
-  /** Hangs points on a keyframe in place of those that it has. `page`: from the keyframe's frame to the page. */
-  hang(id: number, page: Matrix4, block: { corner: Vec3; side: number; points: NodePoints }): void {
+  /** Sets or replaces the points of a keyframe. `page`: from the keyframe's frame to the page. */
+  setKeyframePoints(id: string, page: Matrix4, block: { corner: Vec3; side: number; points: NodePoints }): void {
     this.remove(id);
     const cube = this.newCube(0, block.corner, block.side);
-    this.hung.set(id, cube);
+    this.keyframeCubes.set(id, cube);
     this.cubes.push(cube);
     this.attach(cube, block.points);
     this.move(id, page);
-    this.spacing = usualSpacing(this.cubes.map((it) => ({ side: it.side / 2, points: it.points?.count ?? 0 })));
   }
 
-  /** Moves a keyframe with what hangs on it. */
-  move(id: number, page: Matrix4): void {
-    const cube = this.hung.get(id);
+  /** Sets the pose of a keyframe. */
+  move(id: string, page: Matrix4): void {
+    const cube = this.keyframeCubes.get(id);
     if (!cube) return;
     cube.matrix.multiplyMatrices(page, cube.local);
     cube.center.set(0.5, 0.5, 0.5).applyMatrix4(cube.matrix);
     cube.side = cube.matrix.getMaxScaleOnAxis();
     cube.radius = (cube.side * Math.sqrt(3)) / 2;
+    this.isSpacingOutdated = true;
     cube.drawn?.matrix.copy(cube.matrix);
     if (cube.drawn) cube.drawn.matrixWorldNeedsUpdate = true;
   }
 
-  remove(id: number): void {
-    const cube = this.hung.get(id);
+  remove(id: string): void {
+    const cube = this.keyframeCubes.get(id);
     if (!cube) return;
-    this.hung.delete(id);
+    this.keyframeCubes.delete(id);
     this.cubes = this.cubes.filter((it) => it !== cube);
     this.detach(cube);
   }
@@ -168,9 +169,9 @@ export class Cloud {
     cube.points = points;
     this.loaded += points.count;
     const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new BufferAttribute(points.places, 4, true));
+    geometry.setAttribute("position", new BufferAttribute(points.positions, 4, true));
     geometry.setAttribute("rgbc", new BufferAttribute(points.colors, 4, true));
-    geometry.setAttribute("look", new BufferAttribute(points.looks, 4, true));
+    geometry.setAttribute("normal_views", new BufferAttribute(points.normalsAndViews, 4, true));
     const drawn = new Points(geometry, this.material);
     drawn.frustumCulled = false;
     drawn.matrixAutoUpdate = false;
@@ -198,7 +199,7 @@ export class Cloud {
     let number = 0;
     for (const cube of this.cubes) {
       for (let i = 0; i < (cube.points?.count ?? 0); ++i) {
-        if (number++ % stride === 0) visit(...this.placeOf(cube, i));
+        if (number++ % stride === 0) visit(...this.positionOf(cube, i));
       }
     }
   }
@@ -206,11 +207,11 @@ export class Cloud {
   /** All points of a cube; number by number, since there may be millions. */
   visit(cube: Cube, visit: (x: number, y: number, z: number, i: number) => void): void {
     const [xx, xy, xz, , yx, yy, yz, , zx, zy, zz, , x0, y0, z0] = cube.matrix.elements;
-    const places = cube.points?.places ?? [];
+    const positions = cube.points?.positions ?? [];
     for (let i = 0; i < (cube.points?.count ?? 0); ++i) {
-      const a = places[4 * i]! / 65535;
-      const b = places[4 * i + 1]! / 65535;
-      const c = places[4 * i + 2]! / 65535;
+      const a = positions[4 * i]! / 65535;
+      const b = positions[4 * i + 1]! / 65535;
+      const c = positions[4 * i + 2]! / 65535;
       visit(xx * a + yx * b + zx * c + x0, xy * a + yy * b + zy * c + y0, xz * a + yz * b + zz * c + z0, i);
     }
   }
@@ -235,10 +236,20 @@ export class Cloud {
     u["palette"]!.value = this.palettes[paletteOf(coloring) ?? "viridis"];
   }
 
-  /** Which cubes are drawn: those that look largest, as far as the budget goes. `pixels`: of a unit at a distance of 1. */
-  choose(camera: Camera, pixels: number, ratio: number): void {
-    this.material.uniforms["pixels"]!.value = pixels;
-    this.material.uniforms["most"]!.value = 28 * ratio;
+  private updateSpacing(): void {
+    this.isSpacingOutdated = false;
+    // Half the side: several overlapping keyframes cover a surface, with points in between those of one cube.
+    this.spacing = usualSpacing(this.cubes.map((it) => ({ side: it.side / 2, points: it.points?.count ?? 0 })));
+  }
+
+  /**
+   * Selects the cubes to draw: largest on screen first, within `budget`. `focalLength`: of a unit at distance 1, or of
+   * a unit of a flat view [px].
+   */
+  choose(camera: Camera, focalLength: number, ratio: number): void {
+    this.material.uniforms["focalLength"]!.value = focalLength;
+    this.material.uniforms["maxPointSize"]!.value = 28 * ratio;
+    if (this.isSpacingOutdated) this.updateSpacing();
     const sight = new Sight(camera);
     const visible: [Cube, number][] = [];
     for (const cube of this.cubes) {
@@ -271,11 +282,11 @@ export class Cloud {
       const e = step.premultiply(cube.matrix).premultiply(m).elements;
       const [e0, e1, e3, e4, e5, e7] = [e[0]!, e[1]!, e[3]!, e[4]!, e[5]!, e[7]!];
       const [e8, e9, e11, e12, e13, e15] = [e[8]!, e[9]!, e[11]!, e[12]!, e[13]!, e[15]!];
-      const places = points.places;
+      const positions = points.positions;
       for (let i = 0; i < points.count; ++i) {
-        const px = places[4 * i]!;
-        const py = places[4 * i + 1]!;
-        const pz = places[4 * i + 2]!;
+        const px = positions[4 * i]!;
+        const py = positions[4 * i + 1]!;
+        const pz = positions[4 * i + 2]!;
         const w = e3 * px + e7 * py + e11 * pz + e15;
         if (w <= 1e-9) continue;
         const dx = ((e0 * px + e4 * py + e8 * pz + e12) / w + 1) * 0.5 * width - x;
@@ -283,7 +294,7 @@ export class Cloud {
         const dy = (1 - (e1 * px + e5 * py + e9 * pz + e13) / w) * 0.5 * height - y;
         if (dx * dx + dy * dy > radius * radius) continue;
         const depth = e[2]! * px + e[6]! * py + e[10]! * pz + e[14]!;
-        const at = this.placeOf(cube, i);
+        const at = this.positionOf(cube, i);
         if (!this.isShown(camera, cube, i, at)) continue;
         found.push({ depth: isPerspective(camera) ? w : depth, off: Math.hypot(dx, dy), cube, i });
       }
@@ -304,7 +315,7 @@ export class Cloud {
         best = it;
       }
     }
-    // Who takes the surest of many must not take its word: it is as sure as those around it.
+    // The most confident of many points is overestimated: limit it to the median confidence nearby.
     confidences.sort((a, b) => a - b);
     const usual = confidences[Math.floor(confidences.length / 2)] ?? 0;
     const point = this.pointOf(best.cube, best.i);
@@ -325,7 +336,7 @@ export class Cloud {
   }
 
   private isFromBehind(camera: Camera, cube: Cube, i: number, at: Vec3): boolean {
-    const signed = (k: number): number => ((cube.points?.looks[4 * i + k] ?? 0) << 24) >> 24;
+    const signed = (k: number): number => ((cube.points?.normalsAndViews[4 * i + k] ?? 0) << 24) >> 24;
     const normal = new Vector3(...normalFrom(signed(0), signed(1))).transformDirection(cube.matrix);
     const seen = isPerspective(camera)
       ? new Vector3(...at).sub(camera.position)
@@ -334,13 +345,13 @@ export class Cloud {
   }
 
   /** Of the nearest point that the page itself holds: others do not say which keyframe made them. */
-  private keyframeNear(place: Vec3): number {
+  private keyframeNear(position: Vec3): number {
     let keyframe = -1;
     let least = Number.POSITIVE_INFINITY;
     for (const cube of this.cubes) {
       for (let i = 0; i < (cube.held?.count ?? 0); ++i) {
         const here = cube.held?.keyframes[i] ?? kNoKeyframe;
-        const off = norm(sub(this.placeOf(cube, i, cube.held), place));
+        const off = norm(sub(this.positionOf(cube, i, cube.held), position));
         if (here === kNoKeyframe || off >= least) continue;
         least = off;
         keyframe = here;
@@ -349,8 +360,8 @@ export class Cloud {
     return keyframe;
   }
 
-  private placeOf(cube: Cube, i: number, points = cube.points): Vec3 {
-    const at = (k: number): number => (points?.places[4 * i + k] ?? 0) / 65535;
+  private positionOf(cube: Cube, i: number, points = cube.points): Vec3 {
+    const at = (k: number): number => (points?.positions[4 * i + k] ?? 0) / 65535;
     const [x, y, z] = [at(0), at(1), at(2)];
     const e = cube.matrix.elements;
     const row = (r: number): number => e[r]! * x + e[r + 4]! * y + e[r + 8]! * z + e[r + 12]!;
@@ -360,7 +371,7 @@ export class Cloud {
   private pointOf(cube: Cube, i: number): Found {
     const keyframe = cube.points?.keyframes[i] ?? kNoKeyframe;
     return {
-      position: this.placeOf(cube, i),
+      position: this.positionOf(cube, i),
       confidence: (cube.points?.colors[4 * i + 3] ?? 0) / 255,
       keyframe: keyframe === kNoKeyframe ? -1 : keyframe,
     };
@@ -373,7 +384,7 @@ function nearest<T extends { off: number }>(all: T[], radius: number): T[] {
   return (some.length > 0 ? some : all).slice(0, 50_000);
 }
 
-/** Half of the points have a neighbour that is nearer, if they cover surfaces evenly. */
+/** Median point spacing, if surfaces are covered evenly. */
 function usualSpacing(nodes: readonly { side: number; points: number }[]): number {
   const leaves = nodes.filter((n) => n.points > 0).map((n) => [n.side / Math.sqrt(n.points), n.points] as const);
   leaves.sort((a, b) => a[0] - b[0]);

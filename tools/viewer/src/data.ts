@@ -11,7 +11,8 @@ export interface NodeData {
 }
 
 export interface KeyframeData extends Pose {
-  id: number;
+  /** In a live page a text, since numbers above 2^53 are rounded. */
+  id: number | string;
   /** "depth map", "blurred", ... */
   use: string;
   /** In words, of one that is left out. */
@@ -49,22 +50,22 @@ export interface ReportData {
   times: [string, number][];
   problems: string[];
   notes: string[];
-  /** Of a page that shows a run while it works: which run (live.ts). */
-  live?: number;
+  /** Live page only: version of the page; the page reloads if it changes. */
+  live_page_version?: number;
 }
 
 export const kNoKeyframe = 65535;
 export const kPointBytes = 15;
 
-/** A cube's points, in arrays as the GPU takes them. */
+/** Points of a cube, in the layout of the vertex buffers. */
 export interface NodePoints {
   count: number;
-  /** x, y, z, 0 of each, 65535 = the cube's side. */
-  places: Uint16Array<ArrayBuffer>;
+  /** x, y, z, 0 per point; 0 to 65535 along the cube's side. */
+  positions: Uint16Array<ArrayBuffer>;
   /** red, green, blue, confidence */
   colors: Uint8Array<ArrayBuffer>;
-  /** two bytes of the normal, views, 0 */
-  looks: Uint8Array<ArrayBuffer>;
+  /** Per point: octahedral normal (2), views, 0. */
+  normalsAndViews: Uint8Array<ArrayBuffer>;
   keyframes: Uint16Array<ArrayBuffer>;
 }
 
@@ -80,22 +81,22 @@ export function nodePoints(bytes: Uint8Array<ArrayBuffer>, count: number): NodeP
     throw new Error(`a block of the cloud has ${bytes.length} bytes; expected ${count * kPointBytes}`);
   }
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-  const places = new Uint16Array(4 * count);
+  const positions = new Uint16Array(4 * count);
   const colors = new Uint8Array(4 * count);
-  const looks = new Uint8Array(4 * count);
+  const normalsAndViews = new Uint8Array(4 * count);
   const keyframes = new Uint16Array(count);
   for (let i = 0; i < count; ++i) {
     for (let k = 0; k < 3; ++k) {
-      places[4 * i + k] = view.getUint16(6 * i + 2 * k, true);
+      positions[4 * i + k] = view.getUint16(6 * i + 2 * k, true);
       colors[4 * i + k] = bytes[6 * count + 3 * i + k] ?? 0;
     }
     colors[4 * i + 3] = bytes[9 * count + i] ?? 0;
-    looks[4 * i] = bytes[11 * count + 2 * i] ?? 0;
-    looks[4 * i + 1] = bytes[11 * count + 2 * i + 1] ?? 0;
-    looks[4 * i + 2] = bytes[10 * count + i] ?? 0;
+    normalsAndViews[4 * i] = bytes[11 * count + 2 * i] ?? 0;
+    normalsAndViews[4 * i + 1] = bytes[11 * count + 2 * i + 1] ?? 0;
+    normalsAndViews[4 * i + 2] = bytes[10 * count + i] ?? 0;
     keyframes[i] = view.getUint16(13 * count + 2 * i, true);
   }
-  return { count, places, colors, looks, keyframes };
+  return { count, positions, colors, normalsAndViews, keyframes };
 }
 
 /** Throws where the page holds none, or one of another version. */

@@ -1,37 +1,38 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// A run while it works: asks what has changed, fetches the points of keyframes that are new or have others than before,
-// and moves those that have only moved. src/web/live_server.cpp is the other end.
+// Client of LiveServer (src/web/live_server.cpp): polls for changes, fetches new and replaced points by keyframe, and
+// applies new poses.
 import { Matrix4 } from "three";
-import { kPointBytes, type KeyframeData, type NodePoints, nodePoints } from "./data";
+import { kNoKeyframe, kPointBytes, type KeyframeData, type NodePoints, nodePoints } from "./data";
 import { type Pose, type Vec3, add } from "./geometry";
+import { Throttle } from "./throttle";
 import type { Viewer } from "./viewer";
 
 interface CloudChange {
-  id: number;
-  /** Version of its points. */
-  since: number;
-  /** To the page, 3 rows of 4. */
+  id: string;
+  points_version: number;
+  /** Row-major 3x4, page from keyframe, without `origin`. */
   matrix: number[];
 }
 interface Reply {
-  epoch: number;
+  page_version: number;
   version: number;
-  news: number;
+  state_version: number;
   reset: boolean;
   done: boolean;
   clouds: CloudChange[];
-  removed: number[];
-  /** Matrix, as of a keyframe. */
+  removed: string[];
+  /** Same for the current camera pose. */
   camera?: number[];
-  flight?: { id: number; matrix: number[] }[];
+  trajectory?: { id: string; matrix: number[] }[];
 }
 
-export type LiveState = "waiting" | "running" | "done" | "lost";
+export type LiveState = "waiting" | "running" | "done" | "disconnected";
 
 const kCubeBytes = 32;
-/** Of a point: what a page that is a file holds, but for its keyframe. */
-const kColumnBytes = kPointBytes - 2;
-const kAtOnce = 3;
+/** A point of a live block: kPointBytes without the keyframe index. */
+const kLivePointBytes = kPointBytes - 2;
+const kMaxRequests = 3;
+const kUpdatePause = 100; // [ms]
 const sleep = (ms: number): Promise<void> => new Promise((done) => setTimeout(done, ms));
 
 export interface LiveBlock {
@@ -41,20 +42,20 @@ export interface LiveBlock {
   points: NodePoints;
 }
 
-/** `keyframe`: its place among the page's. */
+/** `keyframe`: index in ReportData.keyframes. */
 export function liveBlock(bytes: Uint8Array<ArrayBuffer>, keyframe: number): LiveBlock {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-  const count = (bytes.length - kCubeBytes) / kColumnBytes;
+  const count = (bytes.length - kCubeBytes) / kLivePointBytes;
   if (!Number.isInteger(count) || count < 0) throw new Error(`a block of points has ${bytes.length} bytes`);
   const columns = new Uint8Array(kPointBytes * count);
   columns.set(bytes.subarray(kCubeBytes));
   const points = nodePoints(columns, count);
-  points.keyframes.fill(keyframe);
+  points.keyframes.fill(Math.min(keyframe, kNoKeyframe));
   const number = (i: number): number => view.getFloat64(8 * i, true);
   return { corner: [number(0), number(1), number(2)], side: number(3), points };
 }
 
-/** Where a keyframe's camera stood, from its matrix. */
+/** Returns the pose of a keyframe; `origin` is added to its centre. */
 export function poseOf(matrix: readonly number[], origin: Vec3): { center: Vec3; rotation: number[] } {
   const m = (i: number): number => matrix[i] ?? 0;
   const scale = Math.hypot(m(0), m(4), m(8)) || 1;
@@ -69,45 +70,50 @@ const matrixOf = (m: readonly number[]): Matrix4 =>
 
 export class Live {
   state: LiveState = "waiting";
-  /** When the newest points came into the picture, as performance.now(). */
+  /** Time of the last points [performance.now()]. */
   lastPoints = 0;
-  /** Keyframes whose points were fetched, each version counts. */
+  /** Number of blocks fetched. */
   fetched = 0;
-  /** So that a run that ends knows who has been told. */
+  /** Identifies the page to the server, which at its end waits for all pages. */
   private readonly client = Math.floor(Math.random() * 2 ** 48);
   private since = 0;
-  private news = 0;
-  /** Keyframes in the order in which they were told, and where they are. */
-  private readonly matrices = new Map<number, number[]>();
-  /** Version of the points that are shown. */
-  private readonly shown = new Map<number, number>();
+  private stateVersion = 0;
+  /** Matrices by keyframe id. Insertion order is the index in ReportData.keyframes, therefore entries are kept. */
+  private readonly keyframes = new Map<string, { index: number; matrix: number[] }>();
+  /** Version of the points shown, by keyframe id. */
+  private readonly shown = new Map<string, number>();
   /** From the page's origin. */
   camera: Pose | null = null;
-  /** Those of the flight; null = it is not told. */
-  private flight: Set<number> | null = null;
+  /** Ranks and matrices by id of the trajectory; null = none received. */
+  private trajectory: Map<string, { rank: number; matrix: number[] }> | null = null;
+  private readonly updateLater = new Throttle(kUpdatePause, () => {
+    this.showKeyframes();
+    this.changed();
+  });
 
-  /** `changed`: something is to be shown. */
+  /** `changed`: called after each update. */
   constructor(
-    private readonly viewer: Viewer,
-    private readonly epoch: number,
+    private readonly viewer: Pick<Viewer, "cloud" | "data" | "setTrajectory">,
+    private readonly pageVersion: number,
     private readonly changed: () => void,
   ) {}
 
-  /** Until the run is done. */
-  async follow(): Promise<void> {
+  /** Polls until the map has ended. */
+  async poll(): Promise<void> {
     this.changed();
     for (let failed = 0; this.state !== "done"; ) {
       try {
-        const reply = await this.ask();
-        if (reply.epoch !== this.epoch) {
+        const reply = await this.changes();
+        if (reply.page_version !== this.pageVersion) {
           location.reload();
           return;
         }
         await this.apply(reply);
         failed = 0;
         this.state = reply.done ? "done" : this.shown.size > 0 ? "running" : "waiting";
-      } catch {
-        this.state = "lost";
+      } catch (error) {
+        console.warn("live map:", error);
+        this.state = "disconnected";
         failed += 1;
       }
       this.changed();
@@ -115,9 +121,10 @@ export class Live {
     }
   }
 
-  private async ask(): Promise<Reply> {
-    const query = `epoch=${this.epoch}&since=${this.since}&news=${this.news}&client=${this.client}`;
-    const reply = await fetch(`live/changes?${query}`, { cache: "no-store", signal: AbortSignal.timeout(30_000) });
+  private async changes(): Promise<Reply> {
+    const versions = `page_version=${this.pageVersion}&state_version=${this.stateVersion}&since=${this.since}`;
+    const address = `live/changes?${versions}&client=${this.client}`;
+    const reply = await fetch(address, { cache: "no-store", signal: AbortSignal.timeout(30_000) });
     if (!reply.ok) throw new Error(`no answer: ${reply.status}`);
     return (await reply.json()) as Reply;
   }
@@ -126,51 +133,74 @@ export class Live {
     if (reply.reset) {
       for (const id of this.shown.keys()) this.viewer.cloud.remove(id);
       this.shown.clear();
-      this.matrices.clear();
+      this.keyframes.clear();
     }
-    if (reply.flight && reply.flight.length > 0) this.flight = new Set(reply.flight.map((it) => it.id));
-    for (const it of reply.flight ?? []) if (!this.shown.has(it.id)) this.matrices.set(it.id, it.matrix);
+    if (reply.trajectory) this.setTrajectory(reply.trajectory);
     if (reply.camera) this.camera = poseOf(reply.camera, [0, 0, 0]);
     for (const id of reply.removed) {
       this.viewer.cloud.remove(id);
       this.shown.delete(id);
+      const pose = this.trajectory?.get(id);
+      if (pose) this.setMatrix(id, pose.matrix);
     }
     const wanted: CloudChange[] = [];
     for (const it of reply.clouds) {
-      this.matrices.set(it.id, it.matrix);
-      if (this.shown.get(it.id) === it.since) this.viewer.cloud.move(it.id, matrixOf(it.matrix));
+      this.setMatrix(it.id, it.matrix);
+      if (this.shown.get(it.id) === it.points_version) this.viewer.cloud.move(it.id, matrixOf(it.matrix));
       else wanted.push(it);
     }
-    this.show();
+    if (wanted.length > 0) this.updateLater.request();
     const work = async (): Promise<void> => {
       for (let it = wanted.shift(); it; it = wanted.shift()) {
         await this.fetchPoints(it);
-        this.show();
-        this.changed();
+        this.updateLater.request();
       }
     };
-    await Promise.all(Array.from({ length: kAtOnce }, work));
+    // All requests end before the next poll: a late one would restore outdated points.
+    const results = await Promise.allSettled(Array.from({ length: kMaxRequests }, work));
+    this.showKeyframes();
+    for (const result of results) if (result.status === "rejected") throw result.reason;
     this.since = reply.version;
-    this.news = reply.news;
+    this.stateVersion = reply.state_version;
+  }
+
+  private setTrajectory(poses: NonNullable<Reply["trajectory"]>): void {
+    this.trajectory = poses.length > 0 ? new Map(poses.map(({ id, matrix }, rank) => [id, { rank, matrix }])) : null;
+    for (const it of poses) if (!this.shown.has(it.id)) this.setMatrix(it.id, it.matrix);
+  }
+
+  private setMatrix(id: string, matrix: number[]): void {
+    const known = this.keyframes.get(id);
+    if (known) known.matrix = matrix;
+    else this.keyframes.set(id, { index: this.keyframes.size, matrix });
   }
 
   private async fetchPoints(it: CloudChange): Promise<void> {
-    const reply = await fetch(`live/points/${it.id}/${it.since}`, { cache: "no-store", signal: AbortSignal.timeout(30_000) });
-    if (reply.status === 204) return; // there are newer ones, which the next answer tells
+    const address = `live/points/${it.id}/${it.points_version}`;
+    const reply = await fetch(address, { cache: "no-store", signal: AbortSignal.timeout(30_000) });
+    if (reply.status === 204) return; // replaced meanwhile; the next reply contains the new version
     if (!reply.ok) throw new Error(`no points: ${reply.status}`);
     const bytes = new Uint8Array(await reply.arrayBuffer());
-    const place = [...this.matrices.keys()].indexOf(it.id);
-    this.viewer.cloud.hang(it.id, matrixOf(it.matrix), liveBlock(bytes, place));
-    this.shown.set(it.id, it.since);
+    const block = liveBlock(bytes, this.keyframes.get(it.id)?.index ?? kNoKeyframe);
+    this.viewer.cloud.setKeyframePoints(it.id, matrixOf(it.matrix), block);
+    this.shown.set(it.id, it.points_version);
     this.lastPoints = performance.now();
     this.fetched += 1;
   }
 
-  private show(): void {
-    const keyframes = [...this.matrices].map(([id, matrix]): KeyframeData => {
-      const use = this.shown.has(id) ? "depth map" : this.flight?.has(id) ? "no points yet" : "gone";
-      return { id, use, ...poseOf(matrix, this.viewer.data.origin) };
+  private showKeyframes(): void {
+    const keyframes = [...this.keyframes].map(([id, { matrix }]): KeyframeData => {
+      return { id, use: this.shown.has(id) ? "depth map" : "no points", ...poseOf(matrix, this.viewer.data.origin) };
     });
-    this.viewer.showFlight(keyframes, this.camera?.center ?? null);
+    this.viewer.setTrajectory(keyframes, this.order(), this.camera?.center ?? null);
+  }
+
+  /** Returns the indices of existing keyframes in the order of the trajectory, others by id. */
+  private order(): number[] {
+    const rank = (id: string): number => this.trajectory?.get(id)?.rank ?? Number.MAX_SAFE_INTEGER;
+    return [...this.keyframes]
+      .filter(([id]) => this.shown.has(id) || this.trajectory?.has(id))
+      .sort(([a], [b]) => rank(a) - rank(b) || Number(a) - Number(b))
+      .map(([, { index }]) => index);
   }
 }

@@ -53,7 +53,7 @@ class Page {
     this.viewer.onChange = () => this.refresh();
     this.viewer.onLoaded = () => {
       document.body.dataset["state"] = "loaded";
-      if (this.data.live !== undefined) return this.follow(this.data.live);
+      if (this.data.live_page_version !== undefined) return this.startPolling(this.data.live_page_version);
       this.say(this.data.points > 0 ? "" : "There are no points.");
       this.refresh();
     };
@@ -64,11 +64,13 @@ class Page {
 
   private tellPoints(): void {
     const { keyframes, generator, points_in, points } = this.data;
+    const { order } = this.viewer;
+    const covered = order.filter((i) => keyframes[i]?.use === "depth map").length;
     const shown = this.viewer.stream ? this.viewer.cloud.loaded : points;
     byId("subtitle").textContent =
-      this.data.live === undefined
+      this.data.live_page_version === undefined
         ? `${countText(shown)} of ${countText(points_in)} points, ${keyframes.length} keyframes, ${generator}`
-        : `${countText(this.viewer.cloud.loaded)} points of ${keyframes.filter((k) => k.use === "depth map").length} of ${keyframes.length} keyframes, ${generator}`;
+        : `${countText(this.viewer.cloud.loaded)} points of ${covered} of ${order.length} keyframes, ${generator}`;
   }
 
   /** The Potree folder beside the page has answered. */
@@ -85,24 +87,24 @@ class Page {
     this.tellPoints();
   }
 
-  /** Shows a run while it works. */
-  private follow(run: number): void {
+  /** Starts polling a live map. */
+  private startPolling(pageVersion: number): void {
     const words: Record<LiveState, string> = {
       waiting: "Waiting for the first points…",
       running: "",
       done: "The run is done.",
-      lost: "The run cannot be reached.",
+      disconnected: "The run cannot be reached.",
     };
     const around = (this.around = new Around(byId("view"), this.viewer.cloud, () => this.live?.camera ?? null));
-    const live = (this.live = new Live(this.viewer, run, () => {
+    const live = (this.live = new Live(this.viewer, pageVersion, () => {
       document.body.dataset["live"] = live.state;
       this.say(words[live.state]);
       this.tellPoints();
-      this.modeButtons.get("walk")!.disabled = this.data.keyframes.length === 0;
+      this.modeButtons.get("walk")!.disabled = this.viewer.order.length === 0;
       around.changed();
       this.refresh();
     }));
-    void live.follow();
+    void live.poll();
   }
 
   private buildToolbar(): void {

@@ -12,7 +12,7 @@ export interface Found {
   position: Vec3;
   /** 0 to 1 */
   confidence: number;
-  /** Place among the keyframes; -1 = nobody knows. */
+  /** Index of the keyframe; -1 = unknown. */
   keyframe: number;
 }
 

@@ -19,9 +19,9 @@ export function scaleBar(perUnit: number, unit: string): ScaleBar {
   return { pixels: length * perUnit, text: `${Number(length.toPrecision(3))} ${unit}` };
 }
 
-/** The flight while it goes on. */
+/** Trajectory of a live map. */
 export interface Trail {
-  places: { at: Vec3; hasPoints: boolean }[];
+  keyframes: { center: Vec3; hasPoints: boolean }[];
   camera: Vec3 | null;
 }
 
@@ -101,11 +101,11 @@ function drawTrail(
   trail: Trail,
   label: (text: string, x: number, y: number) => void,
 ): void {
-  for (const { at, hasPoints } of trail.places) {
-    const place = project(at);
-    if (!place) continue;
+  for (const { center, hasPoints } of trail.keyframes) {
+    const at = project(center);
+    if (!at) continue;
     context.beginPath();
-    context.arc(...place, 3, 0, 2 * Math.PI);
+    context.arc(...at, 3, 0, 2 * Math.PI);
     context.lineWidth = 1.5;
     context.strokeStyle = context.fillStyle = hasPoints ? kLine : "#fff";
     if (hasPoints) context.fill();

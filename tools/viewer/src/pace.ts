@@ -3,8 +3,8 @@
 import type { Cloud } from "./cloud";
 
 const kSlowFrame = 28; // [ms]
-const kFewestPoints = 200_000;
-const kMostPoints = 5_000_000;
+const kMinPoints = 200_000;
+const kMaxPoints = 5_000_000;
 
 export class Pace {
   private movedAt = 0;
@@ -21,7 +21,8 @@ export class Pace {
     this.busy = now - this.movedAt < 200;
     const took = now - this.lastFrame;
     if (this.busy && took < 250) {
-      cloud.budget = took > kSlowFrame ? Math.max(kFewestPoints, 0.8 * cloud.budget) : Math.min(kMostPoints, 1.1 * cloud.budget);
+      const { budget } = cloud;
+      cloud.budget = took > kSlowFrame ? Math.max(kMinPoints, 0.8 * budget) : Math.min(kMaxPoints, 1.1 * budget);
     }
     this.lastFrame = now;
   }

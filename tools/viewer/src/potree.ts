@@ -90,9 +90,9 @@ export function potreePoints(tree: Potree, node: PotreeNode, bytes: Uint8Array<A
     throw new Error(`a node of octree.bin has ${bytes.length} bytes; expected ${count * tree.pointBytes}`);
   }
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-  const places = new Uint16Array(4 * count);
+  const positions = new Uint16Array(4 * count);
   const colors = new Uint8Array(4 * count);
-  const looks = new Uint8Array(4 * count);
+  const normalsAndViews = new Uint8Array(4 * count);
   const at = (name: string): number => tree.at[name] ?? 0;
   const [position, rgb, confidence, views] = [at("position"), at("rgb"), at("confidence"), at("views")];
   const normal = [at("NormalX"), at("NormalY"), at("NormalZ")] as const;
@@ -101,16 +101,16 @@ export function potreePoints(tree: Potree, node: PotreeNode, bytes: Uint8Array<A
     for (const k of [0, 1, 2] as const) {
       const x = view.getInt32(begin + position + 4 * k, true) * tree.scale[k] + tree.offset[k];
       const share = (x - node.corner[k]) / node.side;
-      places[4 * i + k] = Math.round(65535 * Math.max(0, Math.min(1, share)));
+      positions[4 * i + k] = Math.round(65535 * Math.max(0, Math.min(1, share)));
       colors[4 * i + k] = view.getUint16(begin + rgb + 2 * k, true) >> 8;
     }
     const sure = view.getFloat32(begin + confidence, true);
     colors[4 * i + 3] = Math.round(255 * Math.max(0, Math.min(1, sure)));
     const n = (k: 0 | 1 | 2): number => view.getFloat32(begin + normal[k], true);
     const [u, v] = octahedral([n(0), n(1), n(2)]);
-    looks[4 * i] = u & 255;
-    looks[4 * i + 1] = v & 255;
-    looks[4 * i + 2] = view.getUint8(begin + views);
+    normalsAndViews[4 * i] = u & 255;
+    normalsAndViews[4 * i + 1] = v & 255;
+    normalsAndViews[4 * i + 2] = view.getUint8(begin + views);
   }
-  return { count, places, colors, looks, keyframes: new Uint16Array(count).fill(kNoKeyframe) };
+  return { count, positions, colors, normalsAndViews, keyframes: new Uint16Array(count).fill(kNoKeyframe) };
 }

@@ -165,7 +165,7 @@ export function writeReport(
   const strip = strips(data, enter);
   const used = data.keyframes.filter((k) => k.use === "depth map").length;
   for (const part of [
-    data.live === undefined && section(
+    data.live_page_version === undefined && section(
       "What to know first",
       data.problems.length > 0 ? problems : el("p", {}, "Nothing unusual was noticed."),
     ),

@@ -24,7 +24,7 @@ export interface ViewState {
   eye: Vec3 | null;
   target: Vec3 | null;
   zoom: number;
-  /** Place among the keyframes. */
+  /** Index of the keyframe. */
   keyframe: number;
   /** 0 = photo, 1 = points */
   fade: number;
@@ -50,8 +50,8 @@ export const initialState = (): ViewState => ({
   notes: [],
 });
 
-const kMostMarks = 100;
-const kMostLetters = 200;
+const kMaxMarks = 100;
+const kMaxLetters = 200;
 
 const short = (x: number): string => String(Number(x.toPrecision(6)));
 const list = (numbers: readonly number[]): string => numbers.map(short).join(",");
@@ -92,7 +92,7 @@ const between = (x: number | undefined, low: number, high: number): number => Ma
 
 function measurement(kind: Kind, text: string): Measurement | null {
   const points: Picked[] = [];
-  for (const word of text.split(";").slice(0, kMostMarks)) {
+  for (const word of text.split(";").slice(0, kMaxMarks)) {
     const n = numbers(word, 6);
     if (!n) return null;
     points.push({
@@ -129,15 +129,15 @@ export function stateFrom(text: string): ViewState {
   const clip = numbers(parts.get("clip"), 6);
   if (clip) state.clip = clip.map((x) => between(x, 0, 1));
   for (const kind of Object.keys(pointsOf) as Kind[]) {
-    for (const text of parts.getAll(kind).slice(0, kMostMarks)) {
+    for (const text of parts.getAll(kind).slice(0, kMaxMarks)) {
       const found = measurement(kind, text);
       if (found) state.measurements.push(found);
     }
   }
-  for (const text of parts.getAll("note").slice(0, kMostMarks)) {
+  for (const text of parts.getAll("note").slice(0, kMaxMarks)) {
     const end = text.indexOf(";");
     const position = vector(text.slice(0, end));
-    if (end > 0 && position) state.notes.push({ position, text: text.slice(end + 1).slice(0, kMostLetters) });
+    if (end > 0 && position) state.notes.push({ position, text: text.slice(end + 1).slice(0, kMaxLetters) });
   }
   return state;
 }

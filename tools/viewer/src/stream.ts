@@ -21,7 +21,7 @@ interface Streamed {
   wanted: number;
 }
 
-const kAtOnce = 6;
+const kMaxRequests = 6;
 /** Cubes whose ball looks smaller than that add nothing that is seen [px]. */
 const kSmallest = 100;
 /** Cells of a cube's side, each with one point at most (Octree::kCellBits). */
@@ -110,8 +110,8 @@ export class Stream {
     this.setSpacings();
   }
 
-  /** To be called after a frame. `pixels`: of a unit at a distance of 1, or of a unit of a flat view. */
-  look(camera: Camera, pixels: number): void {
+  /** To be called after a frame. `focalLength`: of a unit at distance 1, or of a unit of a flat view [px]. */
+  look(camera: Camera, focalLength: number): void {
     const root = this.all[0];
     if (!root || (this.state === "lost" && performance.now() < this.waitUntil)) return;
     this.looks += 1;
@@ -119,7 +119,7 @@ export class Stream {
     const seen: [Streamed, number][] = [];
     const visit = (it: Streamed): void => {
       const size = sight.sizeOf(it.center, it.radius);
-      if (size === 0 || (size * pixels < kSmallest && it !== root)) return;
+      if (size === 0 || (size * focalLength < kSmallest && it !== root)) return;
       seen.push([it, size]);
       it.children.forEach(visit);
     };
@@ -135,7 +135,7 @@ export class Stream {
       if (!it.isLoaded && !it.asking) missing.push(it);
     }
     for (const it of this.all) if (it.asking && it.wanted !== this.looks) it.asking.abort();
-    for (const it of missing.slice(0, kAtOnce - this.inFlight)) void this.load(it);
+    for (const it of missing.slice(0, kMaxRequests - this.inFlight)) void this.load(it);
     if (this.makeRoom()) this.changed();
   }
 

@@ -16,7 +16,7 @@ export interface Eyes {
 }
 
 /** A point with that many times the first radius around it has nothing that lies near. */
-const kMostGrowth = 8;
+const kMaxGrowth = 8;
 
 /** Fewer points than that in front are strays. */
 const kStray = 3;
@@ -45,7 +45,7 @@ export function surroundingsOf(cloud: Cloud, camera: Camera, place: Vec3, x: num
   const ahead = dot(sub(place, from), along);
   let radius = kRadiusPixels * pixel;
   let near = pointsWithin(cloud, place, radius);
-  for (let times = 1; near.length < kFewPoints && times < kMostGrowth; times *= 2) {
+  for (let times = 1; near.length < kFewPoints && times < kMaxGrowth; times *= 2) {
     radius *= 2;
     near = pointsWithin(cloud, place, radius);
   }

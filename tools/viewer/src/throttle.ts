@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: BSD-2-Clause
-/** Does what is asked for often now and then: a moment after it is asked for, however often it is until then. */
+/** Runs `act` once, `pause` ms after the first of several requests. */
 export class Throttle {
-  private timer = 0;
+  private timer: ReturnType<typeof setTimeout> | null = null;
 
   constructor(
     private readonly pause: number,
     private readonly act: () => void,
   ) {}
 
-  ask(): void {
-    if (this.timer !== 0) return;
-    this.timer = window.setTimeout(() => {
-      this.timer = 0;
+  request(): void {
+    this.timer ??= setTimeout(() => {
+      this.timer = null;
       this.act();
     }, this.pause);
   }

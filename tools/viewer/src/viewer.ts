@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// The picture: where one looks from, what is drawn, and what lies under a finger.
+// Renderer: cameras, controls, drawing, picking.
 import { OrthographicCamera, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { Cloud } from "./cloud";
 import { type KeyframeData, type ReportData, imageAddress } from "./data";
-import { nearestKeyframe, pathOf } from "./flight";
+import { nearestKeyframe, pathOf } from "./trajectory";
 import { planHalf, viewDistance } from "./framing";
 import { type Vec3, add, basisAround, dot, fromCamera, mainDirection, norm, sub, times } from "./geometry";
 import { loadHeld } from "./load";
@@ -27,11 +27,13 @@ export class Viewer {
   readonly basis: readonly [Vec3, Vec3, Vec3];
   readonly perspective = new PerspectiveCamera(kFov, 1, 0.01, 1000);
   readonly flat = new OrthographicCamera(-1, 1, 1, -1, -1000, 1000);
-  /** Keyframes that something can be seen from, in the order of flight; places among the data's. */
-  path: number[] = [];
+  /** Indices of the existing keyframes in the order of the trajectory. */
+  order: number[];
+  /** Those of `order` with a depth map; all if there are none. */
+  path: number[];
   /** A measurement that is not complete yet. */
   pending: Picked[] = [];
-  /** The view has changed by itself or by the pointer. */
+  /** Called when the view changes. */
   onChange: () => void = () => {};
   onLoaded: () => void = () => {};
   /** More points have come, or none will. */
@@ -48,12 +50,12 @@ export class Viewer {
   private readonly pace = new Pace();
   private yaw = 0;
   private pitch = 0;
-  private lost = false;
+  private contextLost = false;
   private trail: Trail | null = null;
-  /** Whether somebody has chosen what to look at. */
+  /** Whether the user has moved the view. */
   private touched = false;
-  private readonly frameLater = new Throttle(300, () => {
-    this.cloud.measureExtent(this.places());
+  private readonly updateExtentLater = new Throttle(300, () => {
+    this.cloud.measureExtent(this.centers());
     if (!this.touched && this.cloud.loaded > 0) this.setMode(this.state.mode);
     this.redraw();
   });
@@ -64,8 +66,9 @@ export class Viewer {
     readonly overlay: HTMLCanvasElement,
     readonly state: ViewState,
   ) {
-    this.basis = basisAround(data.up, mainDirection(this.places(), data.up));
-    this.path = pathOf(this.data.keyframes);
+    this.order = data.keyframes.map((_, i) => i);
+    this.path = pathOf(data.keyframes, this.order);
+    this.basis = basisAround(data.up, mainDirection(this.centers(), data.up));
     this.cloud = new Cloud(data.nodes, this.basis);
     this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "high-performance" });
     this.renderer.setClearColor(0x14171a, 1);
@@ -83,10 +86,10 @@ export class Viewer {
     this.plan.touches.ONE = 1;
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
-      this.lost = true;
+      this.contextLost = true;
     });
     canvas.addEventListener("webglcontextrestored", () => {
-      this.lost = false;
+      this.contextLost = false;
       this.redraw();
     });
     listenForLooking(canvas, {
@@ -103,23 +106,24 @@ export class Viewer {
     this.resize();
   }
 
-  /** Of a page that shows a run while it works: the flight, and the cloud, have changed. */
-  showFlight(keyframes: KeyframeData[], camera: Vec3 | null): void {
+  /** Live page only: sets the trajectory and camera centre. */
+  setTrajectory(keyframes: KeyframeData[], order: number[], camera: Vec3 | null): void {
     this.data.keyframes = keyframes;
-    this.path = pathOf(this.data.keyframes);
-    const there = keyframes.filter((k) => k.use !== "gone");
-    const places = there.map((k) => ({ at: this.placeOf(k), hasPoints: k.use === "depth map" }));
-    this.trail = { places, camera };
-    this.frameLater.ask();
+    this.order = order;
+    this.path = pathOf(keyframes, order);
+    const existing = order.map((i) => keyframes[i]!);
+    const marks = existing.map((k) => ({ center: this.centerOf(k), hasPoints: k.use === "depth map" }));
+    this.trail = { keyframes: marks, camera };
+    this.updateExtentLater.request();
     this.redraw();
   }
 
-  private places(): Vec3[] {
-    return this.data.keyframes.map((k) => this.placeOf(k));
+  private centers(): Vec3[] {
+    return this.order.map((i) => this.centerOf(this.data.keyframes[i]!));
   }
 
   /** Of a keyframe's camera, from the page's origin. */
-  placeOf(keyframe: KeyframeData): Vec3 {
+  centerOf(keyframe: KeyframeData): Vec3 {
     return sub(keyframe.center, this.data.origin);
   }
 
@@ -130,11 +134,11 @@ export class Viewer {
   /** Reads what the page holds; then asks for more where it is served with a Potree folder. */
   async load(): Promise<void> {
     const begin = (): void => {
-      this.cloud.measureExtent(this.places());
+      this.cloud.measureExtent(this.centers());
       this.setMode(this.state.mode, false);
     };
     const loaded = await loadHeld(this.data.nodes, this.cloud, (cubes) => (cubes === 1 ? begin() : this.redraw()));
-    this.cloud.measureExtent(this.places());
+    this.cloud.measureExtent(this.centers());
     if (loaded === 0 || !this.state.eye) this.setMode(this.state.mode, false);
     this.redraw();
     this.onLoaded();
@@ -196,7 +200,7 @@ export class Viewer {
       this.flat.zoom = fresh ? 1 : state.zoom;
       this.plan.update();
     } else {
-      state.keyframe = nearestKeyframe(this.data.keyframes, state.keyframe, mode === "keyframe");
+      state.keyframe = nearestKeyframe(this.data.keyframes, this.order, state.keyframe, mode === "keyframe");
       this.enter(state.keyframe, mode === "keyframe", fresh || !target);
       if (!fresh && target && eye) this.lookAlong(sub(target, eye));
     }
@@ -206,7 +210,7 @@ export class Viewer {
   /** Share of the height up to a little above the cameras: ceilings would hide the rooms. */
   private aboveCameras(): number {
     const up = this.basis[2];
-    const heights = this.path.map((i) => dot(this.placeOf(this.data.keyframes[i] as KeyframeData), up)).sort((a, b) => a - b);
+    const heights = this.path.map((i) => dot(this.centerOf(this.data.keyframes[i]!), up)).sort((a, b) => a - b);
     const [low, high] = [this.cloud.low[2], this.cloud.high[2]];
     const top = heights[Math.floor(0.9 * (heights.length - 1))];
     if (top === undefined || !(high > low)) return 1;
@@ -218,7 +222,7 @@ export class Viewer {
     const keyframe = this.data.keyframes[which];
     if (!keyframe) return;
     this.state.keyframe = which;
-    this.perspective.position.set(...this.placeOf(keyframe));
+    this.perspective.position.set(...this.centerOf(keyframe));
     if (fresh) {
       const next = this.data.keyframes[this.path[this.path.indexOf(which) + 1] ?? which];
       const ahead = next ? sub(next.center, keyframe.center) : ([0, 0, 0] as Vec3);
@@ -230,7 +234,7 @@ export class Viewer {
     this.changed();
   }
 
-  /** The next or previous keyframe of the flight; with a photo where the mode shows them. */
+  /** The next or previous keyframe of the trajectory; with a photo where the mode shows them. */
   step(by: number): void {
     let path = this.path;
     if (this.state.mode === "keyframe") {
@@ -317,7 +321,7 @@ export class Viewer {
 
   /** Draws now. */
   draw(): void {
-    if (this.lost) return;
+    if (this.contextLost) return;
     const { state, width, height } = this;
     const ratio = this.renderer.getPixelRatio();
     const aspect = width / height;
@@ -331,16 +335,16 @@ export class Viewer {
     this.flat.updateProjectionMatrix();
     const camera = this.camera;
     camera.updateMatrixWorld();
-    const pixels =
+    const focalLength =
       camera === this.flat
         ? (ratio * height * this.flat.zoom) / (2 * half)
         : (ratio * height) / (2 * Math.tan((this.perspective.fov * Math.PI) / 360));
     const outside = this.data.normals !== false && (state.mode === "orbit" || state.mode === "plan");
     this.cloud.setLook(state.coloring, state.size, state.clip, outside);
-    this.cloud.choose(camera, pixels, ratio);
+    this.cloud.choose(camera, focalLength, ratio);
     this.panorama.place(this.perspective, state.mode === "keyframe" ? 1 - state.fade : 0);
     this.renderer.render(this.scene, camera);
-    this.stream?.look(camera, pixels);
+    this.stream?.look(camera, focalLength);
     const context = this.overlay.getContext("2d");
     if (!context) return;
     context.setTransform(1, 0, 0, 1, 0, 0);
@@ -351,8 +355,8 @@ export class Viewer {
   }
 
   /** Pixels from the upper left corner; null where it is behind. */
-  project(place: Vec3): [number, number] | null {
-    const at = new Vector3(...place).applyMatrix4(this.camera.matrixWorldInverse);
+  project(position: Vec3): [number, number] | null {
+    const at = new Vector3(...position).applyMatrix4(this.camera.matrixWorldInverse);
     if (this.camera === this.perspective && at.z > -this.perspective.near) return null;
     at.applyMatrix4(this.camera.projectionMatrix);
     return [((at.x + 1) * this.width) / 2, ((1 - at.y) * this.height) / 2];
@@ -368,7 +372,7 @@ export class Viewer {
 
   private get eyes(): Eyes {
     const { keyframes, pixel } = this.data;
-    return { pixel, reach: this.extent / 2, camera: (i) => (keyframes[i] ? this.placeOf(keyframes[i]) : null) };
+    return { pixel, reach: this.extent / 2, camera: (i) => (keyframes[i] ? this.centerOf(keyframes[i]) : null) };
   }
 
   /** What a measurement says. */

@@ -13,9 +13,9 @@ test("points are read as src/export/page_cloud.h lays them out", () => {
     ...[7, 0], ...[255, 255],
   ]);
   const points = nodePoints(bytes, 2);
-  assert.deepEqual([...points.places], [1, 2, 65535, 0, 256, 0, 32768, 0]);
+  assert.deepEqual([...points.positions], [1, 2, 65535, 0, 256, 0, 32768, 0]);
   assert.deepEqual([...points.colors], [10, 20, 30, 255, 40, 50, 60, 128]);
-  assert.deepEqual([...points.looks], [1, 255, 3, 0, 129, 0, 9, 0]);
+  assert.deepEqual([...points.normalsAndViews], [1, 255, 3, 0, 129, 0, 9, 0]);
   assert.deepEqual([...points.keyframes], [7, 65535]);
 });
 

@@ -50,12 +50,17 @@ const shown = (page: Page): Promise<Shown> =>
   page.evaluate(() => {
     const { viewer } = (window as any).pmspPage;
     const cubes: Record<string, number[]> = {};
-    for (const [id, cube] of viewer.cloud.hung) cubes[id] = cube.center.toArray();
+    for (const [id, cube] of viewer.cloud.keyframeCubes) cubes[id] = cube.center.toArray();
     const centers = Object.fromEntries(viewer.data.keyframes.map((k: any) => [k.id, k.center]));
     return { points: viewer.cloud.loaded, cubes, centers, keyframes: viewer.data.keyframes.length, state: document.body.dataset["live"] };
   });
 
 const fetchedOf = (page: Page): Promise<number> => page.evaluate(() => (window as any).pmspPage.live.fetched);
+
+async function hasCubes(page: Page, count: number): Promise<void> {
+  const has = (least: number): boolean => (window as any).pmspPage.viewer.cloud.keyframeCubes.size >= least;
+  await page.waitForFunction(has, count, { timeout: 300_000 });
+}
 
 /** Waits until nothing has come for a while. */
 async function hasCaughtUp(page: Page): Promise<void> {
@@ -106,10 +111,10 @@ test("a run shows its points while it works, says when it is done, and then ends
   assert.ok(open < 0.3, `${open} of the directions have no points`);
   assert.match((await page.textContent("#around")) ?? "", /% of the directions from the camera have no points yet/);
   assert.deepEqual(await violations(page), []);
-  // The camera stands where the newest keyframe does, which is the last of the flight.
+  // The camera stands where the newest keyframe does, which is the last of the trajectory.
   const [camera, newest] = (await page.evaluate(() => {
     const { trail } = (window as any).pmspPage.viewer;
-    return [trail.camera, trail.places.at(-1).at];
+    return [trail.camera, trail.keyframes.at(-1).center];
   })) as [number[], number[]];
   assert.ok(Math.hypot(...camera.map((v, i) => v - newest[i]!)) < 0.01, `camera at ${camera}, newest keyframe at ${newest}`);
   await page.click("text=Flight");
@@ -128,7 +133,7 @@ test("keyframes that a newer map has moved move in the page, and their points ar
   const words = ["run", join(own, "map.msg"), "--images", join(own, "images"), "-o", join(folder, "f.ply"), ...quick];
   const started = await start(densify, [...words, "--live-view", "0", "--follow", "--workspace", join(folder, "work")]);
   const { page, errors } = await openPage(browser, started.url);
-  await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.hung.size >= 4, null, { timeout: 300_000 });
+  await hasCubes(page, 4);
   const cloud = join(folder, "f.ply");
   const writtenAfter = async (then: number): Promise<number> => {
     for (;;) {
@@ -179,7 +184,7 @@ test("points of a SLAM come at once, and move with their keyframes", async () =>
   started.child.stdin!.write("fly\n");
   await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.loaded > 0, null, { timeout: 300_000 });
   const seen = (await page.evaluate(() => performance.timeOrigin + (window as any).pmspPage.live.lastPoints)) as number;
-  await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.hung.size >= 4, null, { timeout: 300_000 });
+  await hasCubes(page, 4);
   while (!/flown/.test(started.text())) await new Promise((done) => setTimeout(done, 100));
   for (const it of [page, other.page]) await hasCaughtUp(it);
   const before = await shown(page);
@@ -189,8 +194,8 @@ test("points of a SLAM come at once, and move with their keyframes", async () =>
     Object.entries(then).map(([id, at]) => Math.hypot(...at.map((x, i) => x - (now[id]?.[i] ?? Number.NaN))));
   await page.waitForFunction(
     (old) => {
-      const { hung } = (window as any).pmspPage.viewer.cloud;
-      return Object.entries(old).every(([id, at]) => Math.abs((hung.get(Number(id))?.center.x ?? 0) - at[0]!) > 5);
+      const { keyframeCubes } = (window as any).pmspPage.viewer.cloud;
+      return Object.entries(old).every(([id, at]) => Math.abs((keyframeCubes.get(id)?.center.x ?? 0) - at[0]!) > 5);
     },
     before.cubes,
     { timeout: 60_000 },
@@ -203,7 +208,8 @@ test("points of a SLAM come at once, and move with their keyframes", async () =>
   for (const by of moved(after.cubes, before.cubes)) assert.ok(Math.abs(by - 10) < 1e-3, `points moved by ${by}, not by 10`);
   assert.deepEqual((await shown(other.page)).cubes, after.cubes);
   started.child.stdin!.write("erase\n");
-  await page.waitForFunction((count) => (window as any).pmspPage.viewer.cloud.hung.size === count, Object.keys(after.cubes).length - 1);
+  const left = Object.keys(after.cubes).length - 1;
+  await page.waitForFunction((count) => (window as any).pmspPage.viewer.cloud.keyframeCubes.size === count, left);
   const told = /first points at (\d+)/.exec(started.text());
   console.log(`# first points in the picture ${(seen - Number(told?.[1])).toFixed(0)} ms after they existed`);
   started.child.stdin!.write("end\n");

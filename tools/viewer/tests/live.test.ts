@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { liveBlock, poseOf } from "../src/live";
+import { kNoKeyframe } from "../src/data";
+import { Live, liveBlock, poseOf } from "../src/live";
+import { nearestKeyframe, pathOf } from "../src/trajectory";
 
 test("a keyframe's block has a cube and points", () => {
   const bytes = new Uint8Array(32 + 13 * 2);
@@ -14,10 +16,11 @@ test("a keyframe's block has a cube and points", () => {
   assert.deepEqual(block.corner, [1, 2, 3]);
   assert.equal(block.side, 8);
   assert.equal(block.points.count, 2);
-  assert.equal(block.points.places[4], 65535);
+  assert.equal(block.points.positions[4], 65535);
   assert.equal(block.points.colors[4], 200);
   assert.equal(block.points.colors[7], 128);
   assert.deepEqual([...block.points.keyframes], [7, 7]);
+  assert.equal(liveBlock(bytes, 70_000).points.keyframes[0], kNoKeyframe);
   assert.throws(() => liveBlock(bytes.subarray(0, 40), 0), /40 bytes/);
   assert.throws(() => liveBlock(bytes.subarray(0, 16), 0), /16 bytes/);
 });
@@ -27,4 +30,112 @@ test("a keyframe's pose follows from its matrix", () => {
   const pose = poseOf([0, 0, 2, 1, 0, 2, 0, 2, -2, 0, 0, 3], [10, 0, 0]);
   assert.deepEqual(pose.center, [11, 2, 3]);
   assert.deepEqual(pose.rotation.map((x) => x + 0), [0, 0, -1, 0, 1, 0, 1, 0, 0]);
+});
+
+/** Address of a request; what comes back. */
+type Server = (address: string) => Promise<Response> | Response;
+
+interface Shown {
+  id: number | string;
+  use: string;
+}
+
+/** Shows a live map that `server` serves until it is done; returns the keyframes in order, after each update. */
+async function played(server: Server): Promise<{ orders: Shown[][]; points: Set<string>; keyframes: Shown[] }> {
+  const orders: Shown[][] = [];
+  const points = new Set<string>();
+  let keyframes: Shown[] = [];
+  const viewer = {
+    data: { origin: [0, 0, 0] },
+    cloud: {
+      setKeyframePoints: (id: string) => points.add(id),
+      move: () => {},
+      remove: (id: string) => points.delete(id),
+    },
+    setTrajectory: (all: Shown[], order: number[]) => {
+      keyframes = all;
+      orders.push(order.map((i) => all[i]!));
+    },
+  };
+  const { fetch } = globalThis;
+  globalThis.fetch = async (address) => server(String(address));
+  try {
+    await new Live(viewer as unknown as ConstructorParameters<typeof Live>[0], 1, () => {}).poll();
+  } finally {
+    globalThis.fetch = fetch;
+  }
+  return { orders, points, keyframes };
+}
+
+const matrix = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0];
+const reply = (version: number, more: object): Response => {
+  const unchanged = { page_version: 1, version, state_version: 1, reset: false, done: false, clouds: [], removed: [] };
+  return new Response(JSON.stringify({ ...unchanged, ...more }));
+};
+const block = (): Response => new Response(new Uint8Array(32));
+const cloudOf = (id: string): object => ({ id, points_version: 1, matrix });
+const poses = (...ids: string[]): object[] => ids.map((id) => ({ id, matrix }));
+
+test("requests for points end before the next poll, also if one of them fails", async (context) => {
+  context.mock.method(console, "warn", () => {});
+  const log: string[] = [];
+  await played(async (address) => {
+    if (address.startsWith("live/changes")) {
+      log.push("poll");
+      return log.length === 1 ? reply(1, { clouds: [cloudOf("1"), cloudOf("2")] }) : reply(2, { done: true });
+    }
+    if (address === "live/points/1/1") return new Response(null, { status: 500 });
+    await new Promise((done) => setTimeout(done, 1000));
+    log.push("points");
+    return block();
+  });
+  assert.deepEqual(log, ["poll", "points", "poll"]);
+});
+
+test("keyframes follow the trajectory, not the arrival of their points, and keep their indices", async () => {
+  const last = "9007199254740993"; // 2^53 + 1
+  const replies = [
+    reply(1, { clouds: [cloudOf("3")] }),
+    reply(2, { trajectory: poses("1", "2", "3", last), clouds: [cloudOf(last), cloudOf("2")] }),
+    reply(3, { removed: ["3"], trajectory: poses("1", "2", last), done: true }),
+  ];
+  const { orders, keyframes, points } = await played((address) =>
+    address.startsWith("live/changes") ? replies.shift()! : block(),
+  );
+  const shown = (order: Shown[] | undefined): string[] => (order ?? []).map((it) => `${it.id}: ${it.use}`);
+  assert.deepEqual(shown(orders[0]), ["3: depth map"]);
+  assert.deepEqual(shown(orders[1]), ["1: no points", "2: depth map", "3: depth map", `${last}: depth map`]);
+  assert.deepEqual(shown(orders.at(-1)), ["1: no points", "2: depth map", `${last}: depth map`]);
+  assert.deepEqual(keyframes.map((it) => it.id), ["3", "1", "2", last]);
+  assert.deepEqual([...points], [last, "2"]);
+});
+
+test("without a trajectory only keyframes with points exist, by id", async () => {
+  const replies = [
+    reply(1, { trajectory: poses("1", "2", "3"), clouds: [cloudOf("10")] }),
+    reply(2, { trajectory: [], clouds: [cloudOf("9")], done: true }),
+  ];
+  const { orders } = await played((address) => (address.startsWith("live/changes") ? replies.shift()! : block()));
+  assert.deepEqual(orders.at(-1)?.map((it) => it.id), ["9", "10"]);
+});
+
+test("a reset removes all keyframes but those of its trajectory", async () => {
+  const replies = [
+    reply(1, { trajectory: poses("1", "2"), clouds: [cloudOf("1"), cloudOf("2")] }),
+    reply(2, { reset: true, trajectory: poses("1", "2"), clouds: [cloudOf("2")], done: true }),
+  ];
+  const { orders, points } = await played((address) =>
+    address.startsWith("live/changes") ? replies.shift()! : block(),
+  );
+  assert.deepEqual(orders.at(-1)?.map((it) => `${it.id}: ${it.use}`), ["1: no points", "2: depth map"]);
+  assert.deepEqual([...points], ["2"]);
+});
+
+test("the nearest keyframe is that of the trajectory, not of the indices", () => {
+  const pose = { center: [0, 0, 0] as [number, number, number], rotation: [] };
+  const keyframes = ["depth map", "no points", "depth map", "depth map"].map((use, id) => ({ id, use, ...pose }));
+  assert.deepEqual(pathOf(keyframes, [2, 1, 0]), [2, 0]);
+  assert.deepEqual(pathOf(keyframes, [1]), [1]);
+  assert.equal(nearestKeyframe(keyframes, [3, 1, 0, 2], 1, true), 3);
+  assert.equal(nearestKeyframe(keyframes, [0, 1, 2, 3], 9, false), 3);
 });

@@ -62,15 +62,15 @@ test("a point comes as it was written", () => {
   [0.6, -0.64, -0.48].forEach((v, k) => view.setFloat32(18 + 4 * k, v, true));
   view.setFloat32(30, 0.5, true);
   view.setUint8(34, 7);
-  const { count, places, colors, looks, keyframes } = potreePoints(tree, tree.root, bytes);
+  const { count, positions, colors, normalsAndViews, keyframes } = potreePoints(tree, tree.root, bytes);
   assert.equal(count, 1);
-  const at = [0, 1, 2].map((k) => (places[k]! / 65535) * 4 - 1);
+  const at = [0, 1, 2].map((k) => (positions[k]! / 65535) * 4 - 1);
   [1.5, -0.5, 2.5].forEach((x, k) => assert.ok(Math.abs(at[k]! - x) < 1e-4));
   assert.deepEqual([...colors], [200, 100, 0, 128]);
   const signed = (v: number): number => (v << 24) >> 24;
-  const normal = normalFrom(signed(looks[0]!), signed(looks[1]!));
+  const normal = normalFrom(signed(normalsAndViews[0]!), signed(normalsAndViews[1]!));
   [0.6, -0.64, -0.48].forEach((x, k) => assert.ok(Math.abs(normal[k]! - x) < 0.02));
-  assert.equal(looks[2], 7);
+  assert.equal(normalsAndViews[2], 7);
   assert.equal(keyframes[0], kNoKeyframe);
 });
 

@@ -12,10 +12,11 @@ const pixel = 0.01;
 /** Points in a cube of side 20 around the origin. */
 function cloudOf(points: readonly Vec3[]): Cloud {
   const cloud = new Cloud([{ level: 0, corner: [-10, -10, -10], side: 20, points: points.length }], [[1, 0, 0], [0, 1, 0], [0, 0, 1]]);
-  const places = new Uint16Array(4 * points.length);
-  points.forEach((p, i) => p.forEach((x, k) => (places[4 * i + k] = Math.round(((x + 10) / 20) * 65535))));
+  const positions = new Uint16Array(4 * points.length);
+  points.forEach((p, i) => p.forEach((x, k) => (positions[4 * i + k] = Math.round(((x + 10) / 20) * 65535))));
   const bytes = (): Uint8Array<ArrayBuffer> => new Uint8Array(4 * points.length);
-  cloud.fill(0, { count: points.length, places, colors: bytes(), looks: bytes(), keyframes: new Uint16Array(points.length) });
+  const keyframes = new Uint16Array(points.length);
+  cloud.fill(0, { count: points.length, positions, colors: bytes(), normalsAndViews: bytes(), keyframes });
   cloud.setLook("photo", 1, [0, 1, 0, 1, 0, 1], false);
   return cloud;
 }
