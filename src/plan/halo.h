@@ -9,8 +9,8 @@
 
 #include "plan/plan.h"
 #include "planned_densifier.h"
+#include "pmsp/api.h"
 #include "pmsp/options.h"
-#include "util/io_api.h"
 
 namespace pmsp {
 
@@ -28,7 +28,7 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
 
 /// Keyframes whose planes determine the points of a keyframe, for many queries: as find_halo with the planes of all
 /// keyframes from an earlier run.
-class PMSP_IO_API PointsHalo {
+class PMSP_API PointsHalo {
  public:
   /// `plan` and `options` must outlive it.
   PointsHalo(const Plan& plan, const DensifierOptions& options);
