@@ -22,7 +22,8 @@ struct RunHalo : Halo {
   std::vector<std::int64_t> earlier;  ///< keyframes whose earlier planes are read
 };
 
-/// As `halo`, for chains of any length.
+/// `options`: those of the plan. `clouds`, `rounds` and `range_maps` only of points. Throws InvalidInput if the plan
+/// lacks one of `ids` or a listed keyframe.
 RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
                   Wanted wanted, const std::map<std::int64_t, PlaneReuse>& reuses = {});
 

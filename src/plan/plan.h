@@ -128,13 +128,8 @@ struct Halo {
   std::vector<std::int64_t> images;
 };
 
-/// `options`: those of the plan. `points`: false = dependencies of the filtered depth maps of `ids`; no `clouds`,
-/// `rounds` and `range_maps` then. Throws InvalidOption if the chain of first planes is unlimited (`init.warp_previous`
-/// with `init.chain_keyframes` 0); InvalidInput if the plan lacks one of `ids` or a listed keyframe.
-PMSP_API Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
-                   bool points = true);
-
-/// Throws InvalidOption if the chain of first planes is unlimited: parts of a mission then have no halo.
+/// Throws InvalidOption if the chain of first planes is unlimited (`init.warp_previous` with `init.chain_keyframes` 0):
+/// parts of a mission then have no halo.
 PMSP_API void check_chain(const DensifierOptions& options);
 
 }  // namespace pmsp
