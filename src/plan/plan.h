@@ -70,15 +70,11 @@ struct PlanEntry {
   bool used() const { return use <= KeyframeUse::kNoRange; }
   bool has_depth_map() const { return use == KeyframeUse::kDepthMap; }
 };
-PMSP_API bool operator==(const PlanEntry& a, const PlanEntry& b);
-inline bool operator!=(const PlanEntry& a, const PlanEntry& b) { return !(a == b); }
 
 /// Use and dependencies of all keyframes of a mission.
 struct Plan {
   std::vector<PlanEntry> entries;  ///< in the order of the keyframes
 };
-inline bool operator==(const Plan& a, const Plan& b) { return a.entries == b.entries; }
-inline bool operator!=(const Plan& a, const Plan& b) { return !(a == b); }
 
 /// Makes the plan of a mission: a pure function. `keyframes`: in temporal order, or in any order if
 /// `options.unordered`. Each decision depends on a neighbourhood only:
