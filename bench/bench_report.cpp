@@ -2,28 +2,18 @@
 #include "bench_report.h"
 
 #include <algorithm>
-#include <cstdarg>
-#include <cstdio>
 #include <fstream>
 #include <optional>
 
 #include "pmsp/stages.h"
 #include "pmsp/version.h"
+#include "util/text.h"
 
 namespace pmsp::bench {
 namespace {
 
 /// Ratio of wall-clock to CPU time of one thread above which other processes used the CPU.
 constexpr double kBusy = 1.1;
-
-[[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
-  char text[256];
-  va_list arguments;
-  va_start(arguments, pattern);
-  std::vsnprintf(text, sizeof(text), pattern, arguments);
-  va_end(arguments);
-  return text;
-}
 
 struct Summary {
   double median = 0.0;

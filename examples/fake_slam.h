@@ -37,7 +37,6 @@ class FakeSlam {
   }
 
   std::size_t size() const { return truth_.size(); }
-  bool closes_loop() const { return drift_ != 0.0; }
 
   /// Returns the next keyframe, just finished by the mapper.
   pmsp::LiveKeyframe next() {

@@ -9,6 +9,7 @@
 #include <Eigen/LU>
 
 #include "pmsp/error.h"
+#include "util/text.h"
 
 namespace pmsp {
 namespace {
@@ -16,8 +17,6 @@ namespace {
 /// Maximum default width [px]; beyond it depth maps gain no accuracy from pixels.
 constexpr int kLargestWidth = 5760;
 constexpr int kEnlargedUpTo = 1440;
-
-std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
 /// Whether products of coordinates stay within the range of single precision.
 bool is_reasonable(const Eigen::Vector3d& position) { return position.norm() <= kMaxPosition; }

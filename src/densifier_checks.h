@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "pmsp/api.h"
 #include "pmsp/options.h"
 #include "pmsp/types.h"
-#include "util/io_api.h"
 
 namespace pmsp {
 
@@ -17,8 +17,8 @@ void check_keyframe(const Keyframe& keyframe);
 /// Throw InvalidInput if invalid. `where`: start of the message.
 void check_sizes(const std::string& where, int image_width, int image_height, ImageView<const std::uint8_t> mask);
 void check_prior_depth(const std::string& where, ImageView<const float> prior);
-PMSP_IO_API void check_scale(const std::string& where, double scale);
-PMSP_IO_API void check_pose(const std::string& where, const RigidTransform& cam_from_world);
+PMSP_API void check_scale(const std::string& where, double scale);
+PMSP_API void check_pose(const std::string& where, const RigidTransform& cam_from_world);
 void check_landmarks(const std::string& where, const std::vector<Landmark>& landmarks);
 void check_pose_error(const std::string& where, double error);
 

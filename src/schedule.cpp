@@ -86,9 +86,4 @@ const Lifetime* Schedule::lifetime(Artefact artefact) const {
   return found == lifetimes_.end() ? nullptr : &*found;
 }
 
-std::int64_t Schedule::keyframes_with(Artefact artefact) const {
-  const Lifetime* const found = lifetime(artefact);
-  return found == nullptr ? 0 : found->keyframes;
-}
-
 }  // namespace pmsp

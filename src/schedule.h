@@ -64,8 +64,6 @@ class Schedule {
 
   /// Returns nullptr if no stage reads it.
   const Lifetime* lifetime(Artefact artefact) const;
-  /// Returns the maximum number of keyframes that hold an artefact at the same time, on one device.
-  std::int64_t keyframes_with(Artefact artefact) const;
 
  private:
   std::size_t add(Stage::Kind kind, int step, std::vector<Stage::Prerequisite> needs, std::int64_t plan_delay);

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <map>
 #include <sstream>
@@ -13,6 +12,7 @@
 #include "io/map_file.h"
 #include "io/trajectory.h"
 #include "pmsp/error.h"
+#include "util/text.h"
 
 namespace pmsp {
 namespace {
@@ -121,10 +121,8 @@ std::vector<Anchor> places_of_images(const std::filesystem::path& path, const st
 }
 
 /// Throws InvalidInput if columns are geographic: degrees read as metres give a cloud 1e5 times too small.
-void refuse_degrees(const std::filesystem::path& path, std::string names) {
-  std::transform(names.begin(), names.end(), names.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  std::istringstream words(names);
+void refuse_degrees(const std::filesystem::path& path, const std::string& names) {
+  std::istringstream words(lower_case(names));
   for (std::string word; words >> word;) {
     if (word.rfind("lat", 0) != 0 && word.rfind("lon", 0) != 0 && word != "lng") continue;
     throw InvalidInput(path.string() +

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
-#include <cctype>
-
 #include "pmsp/io/cloud.h"
+#include "util/text.h"
 
 namespace pmsp {
 
@@ -37,9 +35,7 @@ const CloudFormat* find_cloud_format(const std::string& name) {
 
 const CloudFormat* cloud_format_of(const std::filesystem::path& path) {
   const std::filesystem::path plain = path.has_filename() ? path : path.parent_path();  // "folder.potree/"
-  std::string extension = plain.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string extension = lower_case(plain.extension().string());
   for (const CloudFormat& format : cloud_formats()) {
     if (extension == format.extension) return &format;
   }

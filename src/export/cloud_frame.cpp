@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -12,17 +11,14 @@
 #include "export/fit_similarity.h"
 #include "export/number_table.h"
 #include "pmsp/error.h"
+#include "util/text.h"
 
 namespace pmsp {
 namespace {
 
 constexpr double kDegree = kernels::kPi / 180.0;
 
-std::string short_text(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.4g", value);
-  return text;
-}
+std::string short_text(double value) { return number_text(value, "%.4g"); }
 
 void align(const FrameOptions& options, const SlamMap& map, const ImageFiles& images, CloudFrame& frame) {
   const bool is_exif = options.align == kAlignExif;

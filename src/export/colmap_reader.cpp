@@ -2,9 +2,9 @@
 // Points of a COLMAP model (points3D.bin); cloud metadata from pmsp.txt in models written by libpmsp.
 #include <memory>
 #include <string>
-#include <system_error>
 
 #include "export/cloud_fields.h"
+#include "export/files.h"
 
 namespace pmsp {
 namespace {
@@ -19,8 +19,7 @@ class ColmapReader final : public CloudReader {
     info_.format = "COLMAP";
     info_.has_colors = true;
     info_.points = static_cast<std::int64_t>(input_.count("points", kPointBytes));
-    std::error_code ignored;
-    if (std::filesystem::is_regular_file(folder / "pmsp.txt", ignored)) {
+    if (is_file(folder / "pmsp.txt")) {
       BinaryInput lines(folder / "pmsp.txt");
       for (std::string line; lines.line(line);) info_.comments.push_back(line);
     }

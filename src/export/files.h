@@ -90,6 +90,9 @@ bool write_new_file(const std::filesystem::path& path, const Bytes& bytes) {
 /// Creates a folder with its parents, if missing. Throws OutputError.
 PMSP_API void make_folder(const std::filesystem::path& folder);
 
+/// False also if the path cannot be queried.
+PMSP_API bool is_file(const std::filesystem::path& path);
+
 /// Throws IoError unless `path` is a regular file. To be called before opening: opening a pipe may block for ever.
 PMSP_API void require_regular_file(const std::filesystem::path& path);
 

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <cmath>
-#include <cstdio>
 
 #include "elementary.h"
 #include "export/cloud_frame.h"
 #include "io/exif.h"
 #include "pmsp/error.h"
+#include "util/text.h"
 
 namespace pmsp {
 namespace {
@@ -53,10 +53,8 @@ std::vector<Anchor> gps_anchors(const SlamMap& map, const ImageFiles& images, st
     if (anchors.empty()) {
       first = place;
       axes = axes_at(*gps);
-      char text[96];
-      std::snprintf(text, sizeof(text), "latitude %.8f, longitude %.8f, altitude %.2f m", gps->latitude_deg,
-                    gps->longitude_deg, gps->altitude_m);
-      origin = text;
+      origin = format("latitude %.8f, longitude %.8f, altitude %.2f m", gps->latitude_deg, gps->longitude_deg,
+                      gps->altitude_m);
     }
     anchors.push_back({"keyframe " + std::to_string(keyframe.id), keyframe.cam_from_world.center(),
                        axes * (place - first), std::nullopt});

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <limits>
 #include <mutex>
@@ -14,6 +13,7 @@
 #include "export/record_file.h"
 #include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
+#include "util/text.h"
 
 namespace pmsp {
 namespace {
@@ -78,12 +78,6 @@ std::string records(const std::filesystem::path& path, const CloudHeader& header
     text += record("LASF_Projection", 2112, "OGC WKT", header.wkt + '\0');
     ++count;
   }
-  return text;
-}
-
-std::string text_of(double value) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%g", value);
   return text;
 }
 
@@ -195,7 +189,7 @@ class Las final : public CloudWriter {
   [[noreturn]] void refuse(const OutputPoint& point) const {
     throw OutputError(name_ + ": point " + std::to_string(point.position.x()) + " " +
                       std::to_string(point.position.y()) + " " + std::to_string(point.position.z()) +
-                      " is out of range for a resolution of " + text_of(frame_.scale) +
+                      " is out of range for a resolution of " + number_text(frame_.scale) +
                       "; give a larger --resolution, or exclude it with --crop");
   }
 

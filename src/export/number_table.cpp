@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "io/text_input.h"
+#include "util/text.h"
 
 namespace pmsp {
 namespace {
@@ -25,12 +26,6 @@ bool is_numbers(const std::string& text) {
                      [](const std::string& word) { return finite_number(word).has_value(); });
 }
 
-/// Trims the given characters at both ends.
-std::string without(const std::string& text, const char* characters) {
-  const std::size_t begin = text.find_first_not_of(characters);
-  return begin == std::string::npos ? "" : text.substr(begin, text.find_last_not_of(characters) + 1 - begin);
-}
-
 }  // namespace
 
 std::vector<NumberRow> read_number_table(const std::filesystem::path& path, std::string* names) {
@@ -46,7 +41,7 @@ std::vector<NumberRow> read_number_table(const std::filesystem::path& path, std:
     row.line = in.number_of_line();
     const std::size_t comma = line.find_first_of(",;");
     if (comma != std::string::npos) {
-      const std::string first = without(line.substr(0, comma), " \t\r\"");
+      const std::string first = trimmed(line.substr(0, comma), " \t\r\"");
       if (!is_numbers(first)) {
         row.name = first.substr(0, kLongestName);
         line.erase(0, comma);

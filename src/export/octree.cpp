@@ -25,6 +25,20 @@ std::uint32_t spread(std::uint32_t x) {
 
 }  // namespace
 
+bool to_octree_point(const OutputPoint& point, const IntegerFrame& frame, OctreePoint& result) {
+  for (int i = 0; i < 3; ++i) {
+    const auto axis = static_cast<std::size_t>(i);
+    const double steps = frame.steps(point.position[i], i);
+    if (!(std::abs(steps) <= std::numeric_limits<std::int32_t>::max())) return false;  // true for NaN
+    result.position[axis] = static_cast<std::int32_t>(steps);
+    result.normal[axis] = point.normal[i];
+  }
+  result.confidence = point.confidence;
+  result.color = {point.color.r, point.color.g, point.color.b};
+  result.views = point.views;
+  return true;
+}
+
 bool OctreeNode::is_leaf() const {
   return std::all_of(children.begin(), children.end(), [](std::int32_t child) { return child < 0; });
 }

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "export/integer_frame.h"
 #include "export/spool.h"
 
 namespace pmsp {
@@ -21,6 +22,9 @@ struct OctreePoint {
   std::uint8_t views;
   std::uint32_t tag = 0;  ///< user data
 };
+
+/// False if the position is out of the frame's range. The tag is not set.
+bool to_octree_point(const OutputPoint& point, const IntegerFrame& frame, OctreePoint& result);
 
 struct OctreeNode {
   std::array<std::int32_t, 8> children;  ///< indices into nodes(), -1 = none; octant bit 2 is x, bit 1 y, bit 0 z

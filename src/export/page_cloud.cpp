@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <utility>
 
@@ -54,20 +53,11 @@ PageCloud::Impl::Impl(const CloudHeader& header, std::int64_t most_points, const
 void PageCloud::Impl::add(const OutputPoint* points, std::size_t count) {
   for (const OutputPoint* point = points; point != points + count; ++point) {
     OctreePoint it;
-    for (int i = 0; i < 3; ++i) {
-      const auto axis = static_cast<std::size_t>(i);
-      const double steps = frame_.steps(point->position[i], i);
-      if (!(std::abs(steps) <= std::numeric_limits<std::int32_t>::max())) {
-        throw OutputError("point " + std::to_string(point->position.x()) + " " + std::to_string(point->position.y()) +
-                          " " + std::to_string(point->position.z()) +
-                          " is out of range for the report; exclude it with --crop");
-      }
-      it.position[axis] = static_cast<std::int32_t>(steps);
-      it.normal[axis] = point->normal[i];
+    if (!to_octree_point(*point, frame_, it)) {
+      throw OutputError("point " + std::to_string(point->position.x()) + " " + std::to_string(point->position.y()) +
+                        " " + std::to_string(point->position.z()) +
+                        " is out of range for the report; exclude it with --crop");
     }
-    it.confidence = point->confidence;
-    it.color = {point->color.r, point->color.g, point->color.b};
-    it.views = point->views;
     const auto place = places_.find(point->keyframe_id);
     it.tag = place != places_.end() ? place->second : kNoKeyframe;
     octree_.add(it);

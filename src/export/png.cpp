@@ -7,6 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "export/files.h"
+#include "io/image_decode.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth.h"
 
@@ -26,9 +27,7 @@ void write_png16(const std::filesystem::path& path, const Image<float>& image, d
       to[x] = value > 0.0 && value <= 65535.0 ? static_cast<std::uint16_t>(value) : std::uint16_t{0};
     }
   }
-  std::vector<unsigned char> encoded;
-  if (!cv::imencode(".png", values, encoded)) throw OutputError(path.string() + ": cannot be encoded as PNG");
-  write_file(path, encoded);
+  write_file(path, io::encoded(".png", values, path.string() + ": cannot be encoded as PNG"));
 }
 
 void write_png16(const std::filesystem::path& path, const Image<Eigen::Vector3f>& normals) {
@@ -44,9 +43,7 @@ void write_png16(const std::filesystem::path& path, const Image<Eigen::Vector3f>
       }
     }
   }
-  std::vector<unsigned char> encoded;
-  if (!cv::imencode(".png", values, encoded)) throw OutputError(path.string() + ": cannot be encoded as PNG");
-  write_file(path, encoded);
+  write_file(path, io::encoded(".png", values, path.string() + ": cannot be encoded as PNG"));
 }
 
 namespace {

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Potree 2: metadata.json, hierarchy.bin, octree.bin with encoding DEFAULT (uncompressed).
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
-#include <limits>
 #include <string>
 
 #include <nlohmann/json.hpp>
@@ -62,16 +60,7 @@ class Potree final : public CloudWriter {
   void add(const OutputPoint* points, std::size_t count) override {
     for (const OutputPoint* point = points; point != points + count; ++point) {
       OctreePoint it;
-      for (int i = 0; i < 3; ++i) {
-        const auto axis = static_cast<std::size_t>(i);
-        const double steps = frame_.steps(point->position[i], i);
-        if (!(std::abs(steps) <= std::numeric_limits<std::int32_t>::max())) refuse(*point);
-        it.position[axis] = static_cast<std::int32_t>(steps);
-        it.normal[axis] = point->normal[i];
-      }
-      it.confidence = point->confidence;
-      it.color = {point->color.r, point->color.g, point->color.b};
-      it.views = point->views;
+      if (!to_octree_point(*point, frame_, it)) refuse(*point);
       most_confidence_ = std::max(most_confidence_, it.confidence);
       most_views_ = std::max(most_views_, it.views);
       octree_.add(it);

@@ -165,7 +165,7 @@ Image<std::uint8_t> duplicate_round(const PosedSurfels& reference, std::vector<s
 }
 
 KeyframeCloud extract_points(const PosedSurfels& points, double lens_distance) {
-  check_surfels("kept_points", points);
+  check_surfels("extract_points", points);
   const SurfelMap& map = *points.map;
   const SphereGrid grid(map.surfels.width(), map.surfels.height());
   KeyframeCloud cloud{map.keyframe_id, points.pose.cam_from_world, {}, points.pose.scale, {}, {}, map.window_ids};

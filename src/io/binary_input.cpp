@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <system_error>
 #include <utility>
 
 #include "export/files.h"
 #include "pmsp/error.h"
+#include "util/text.h"
 
 namespace pmsp {
 
@@ -28,11 +28,7 @@ std::string in_quotes(const std::string& text) {
   return result + (text.size() > kLongest ? "...\"" : "\"");
 }
 
-std::string to_message(double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.10g", value);
-  return text;
-}
+std::string to_message(double value) { return number_text(value, "%.10g"); }
 
 BinaryInput::BinaryInput(const std::filesystem::path& path) : path_(path) {
   constexpr std::uint64_t kBufferBytes = std::uint64_t{1} << 20;

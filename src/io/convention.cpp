@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <vector>
 
 #include "pmsp/camera.h"
@@ -12,6 +11,7 @@
 #include "pmsp/stages.h"
 #include "pose_convention.h"
 #include "util/median_of.h"
+#include "util/text.h"
 #include "util/thread_pool.h"
 
 namespace pmsp {
@@ -113,11 +113,8 @@ void check_half_pixel(const SlamMap& map, const std::vector<Sample>& samples, Co
   std::vector<double> errors;
   for (std::size_t i = 0; i < samples.size(); ++i) errors.push_back(std::hypot(across[i] - dx, down[i] - dy));
   check.better_error_px = median(errors);
-  char text[160];
-  std::snprintf(text, sizeof(text),
-                "pixel coordinates shifted by half a pixel (%+.1f px across, %+.1f px down: other pixel centres)", dx,
-                dy);
-  check.fits_better = text;
+  check.fits_better =
+      format("pixel coordinates shifted by half a pixel (%+.1f px across, %+.1f px down: other pixel centres)", dx, dy);
 }
 
 }  // namespace
@@ -151,9 +148,8 @@ ConventionCheck check_convention(const SlamMap& map) {
 ConventionCheck require_convention(const SlamMap& map) {
   ConventionCheck check = check_convention(map);
   if (check.fits_better.empty()) return check;
-  char errors[96];
-  std::snprintf(errors, sizeof(errors), "median error %.3g px instead of %.3g px", check.better_error_px,
-                check.median_error_px);
+  const std::string errors =
+      format("median error %.3g px instead of %.3g px", check.better_error_px, check.median_error_px);
   throw InvalidInput(map.path.string() + ": points and observations fit another convention clearly better: " +
                      check.fits_better + ", " + errors + "; correct the export, a cloud of this map would be wrong");
 }

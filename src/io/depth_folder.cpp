@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "export/files.h"
 #include "json_input.h"
 #include "pmsp/error.h"
 
@@ -14,11 +15,6 @@ namespace pmsp {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool is_file(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);
-}
 
 /// Path of the file named by a key of an entry; empty = none.
 fs::path named_file(const fs::path& folder, const JsonValue& entry, const char* key) {

@@ -152,6 +152,13 @@ cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags) {
   return upright(path, image, read_exif(bytes).orientation);
 }
 
+std::vector<unsigned char> encoded(const std::string& extension, const cv::Mat& image, const std::string& error,
+                                   const std::vector<int>& parameters) {
+  std::vector<unsigned char> bytes;
+  if (!cv::imencode(extension, image, bytes, parameters)) throw OutputError(error);
+  return bytes;
+}
+
 Image<Rgb> rgb_from_bgr(const cv::Mat& bgr) {
   if (bgr.type() != CV_8UC3) throw InvalidInput("a decoded image is not 8-bit colour");
   cv::Mat panorama = bgr;

@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <opencv2/core.hpp>
 #include <string>
+#include <vector>
 
+#include "pmsp/api.h"
 #include "pmsp/io/map.h"
 #include "pmsp/types.h"
 
@@ -14,6 +16,10 @@ namespace pmsp::io {
 /// path, also for truncated JPEGs, which OpenCV would fill with gray; InvalidInput for partial panoramas (XMP) and for
 /// wide images with a quarter turn.
 cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags);
+
+/// Returns an image in the format of a file extension; `parameters`: see cv::imwrite. Throws OutputError with `error`.
+PMSP_API std::vector<unsigned char> encoded(const std::string& extension, const cv::Mat& image,
+                                            const std::string& error, const std::vector<int>& parameters = {});
 
 /// Converts 8-bit BGR to RGB.
 Image<Rgb> rgb_from_bgr(const cv::Mat& bgr);

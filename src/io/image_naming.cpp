@@ -15,6 +15,7 @@
 #include "mask_names.h"
 #include "pmsp/error.h"
 #include "util/median_of.h"
+#include "util/text.h"
 
 namespace pmsp::io {
 namespace {
@@ -616,12 +617,6 @@ std::string same_timestamp_reason(const MapKeyframe& earlier) {
          " s), so its own image is unknown";
 }
 
-std::string format_number(double value) {
-  std::ostringstream out;
-  out.imbue(std::locale::classic());
-  out.precision(16);
-  out << value;
-  return out.str();
-}
+std::string format_number(double value) { return number_text(value, "%.16g"); }
 
 }  // namespace pmsp::io

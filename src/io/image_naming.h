@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "pmsp/api.h"
 #include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
 
@@ -28,7 +29,7 @@ struct NumberedFile {
 };
 
 /// True for names with an image extension, except hidden files.
-bool is_image_name(const std::filesystem::path& path);
+PMSP_API bool is_image_name(const std::filesystem::path& path);
 
 /// Returns the image files of a folder by name, without subfolders and hidden files. `unnumbered` is set to the number
 /// of files without a number in their names, which are skipped. Throws IoError if the folder is missing or contains no

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <system_error>
 
@@ -12,6 +11,7 @@
 #include "map_file.h"
 #include "map_raw.h"
 #include "pmsp/error.h"
+#include "util/text.h"
 
 namespace pmsp {
 namespace map_detail {
@@ -95,9 +95,7 @@ std::string describe(const MapFile& file) {
   if (file.is_json()) return "this is JSON of another kind";
   if (file.begins_with("<")) return "this is XML of another kind";
   if (file.is_text()) return "this looks like a text file";
-  char byte[8];
-  std::snprintf(byte, sizeof byte, "0x%02x", static_cast<unsigned>(static_cast<unsigned char>(head[0])));
-  return std::string("the first byte is ") + byte;
+  return format("the first byte is 0x%02x", static_cast<unsigned>(static_cast<unsigned char>(head[0])));
 }
 
 bool is_sqlite_map(MapFile& file) { return file.head().compare(0, 16, std::string("SQLite format 3\0", 16)) == 0; }

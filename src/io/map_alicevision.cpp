@@ -157,10 +157,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
   if (without_pose > 0) {
     map.notes.push_back("views left out, without a pose of their own: " + std::to_string(without_pose));
   }
-  if (others > 0) {
-    map.notes.push_back("views left out, of cameras that are not equirectangular: " + std::to_string(others) +
-                        "; only panoramas can be used");
-  }
+  note_others(map, "views left out, of cameras that are not equirectangular", others);
   number_by_image(map);
   read_structure(json, views, map);
   return finalize_map(std::move(map));

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "binary_input.h"
+#include "export/files.h"
 #include "map_file.h"
 #include "map_scene.h"
 #include "pmsp/error.h"
@@ -243,15 +244,10 @@ void read_points_binary(Reconstruction& model, const fs::path& path) {
 
 // ---- folders
 
-bool is_there(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);
-}
-
 /// ".bin" or ".txt"; "" where the folder holds no model.
 std::string ending_of_model(const fs::path& folder) {
   for (const char* ending : {".bin", ".txt"}) {
-    if (is_there(folder / (std::string("cameras") + ending)) && is_there(folder / (std::string("images") + ending))) {
+    if (is_file(folder / (std::string("cameras") + ending)) && is_file(folder / (std::string("images") + ending))) {
       return ending;
     }
   }
@@ -281,7 +277,7 @@ SlamMap read_model(const fs::path& folder) {
   (text ? read_cameras_text : read_cameras_binary)(model, folder / ("cameras" + ending));
   (text ? read_images_text : read_images_binary)(model, folder / ("images" + ending));
   const fs::path points = folder / ("points3D" + ending);
-  if (is_there(points)) (text ? read_points_text : read_points_binary)(model, points);
+  if (is_file(points)) (text ? read_points_text : read_points_binary)(model, points);
   SlamMap map = std::move(model.map);
   map.path = folder;
   map.format = std::string("COLMAP, ") + (text ? "text" : "binary");

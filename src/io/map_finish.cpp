@@ -72,7 +72,7 @@ RigidTransform checked_pose(const RawMap& raw, const RawKeyframe& keyframe, int 
   const Eigen::Vector3d& t = keyframe.translation;
   if (!is_position(t)) {
     fail(raw.path, where(msgpack ? "trans_cw" : "pose_cw"),
-         text("the translation is (", t.x(), ", ", t.y(), ", ", t.z(), "), ", kExpectedPosition));
+         "the translation is " + to_message(t) + ", " + kExpectedPosition);
   }
   return cam_from_slam_cam(image_width) * RigidTransform{rotation, t};
 }
@@ -104,26 +104,9 @@ void leave_out(RawMap& raw, SlamMap& map) {
   };
   if (std::none_of(raw.cameras.begin(), raw.cameras.end(), is_panorama)) return;  // rejected later, too
   const auto others = std::stable_partition(keyframes.begin(), keyframes.end(), is_of_panorama);
-  if (others == keyframes.end()) return;
-  map.notes.push_back("keyframes left out, of cameras that are not equirectangular: " +
-                      std::to_string(keyframes.end() - others) + "; only panoramas can be used");
+  note_others(map, "keyframes left out, of cameras that are not equirectangular",
+              static_cast<std::size_t>(keyframes.end() - others));
   keyframes.erase(others, keyframes.end());
-}
-
-void sort_landmarks(RawMap& raw) {
-  std::vector<MapLandmark>& landmarks = raw.landmarks;
-  std::sort(landmarks.begin(), landmarks.end(), [](const MapLandmark& a, const MapLandmark& b) { return a.id < b.id; });
-  for (std::size_t i = 0; i < landmarks.size(); ++i) {
-    if (i > 0 && landmarks[i - 1].id == landmarks[i].id) {
-      fail(raw.path, place(raw.dialect, "landmarks", std::to_string(landmarks[i].id), ""),
-           "this id appears more than once, expected unique ids");
-    }
-    const Eigen::Vector3d& p = landmarks[i].position_world;
-    if (!is_position(p)) {
-      fail(raw.path, place(raw.dialect, "landmarks", std::to_string(landmarks[i].id), "pos_w"),
-           text("is (", p.x(), ", ", p.y(), ", ", p.z(), "), ", kExpectedPosition));
-    }
-  }
 }
 
 void sort_keyframes(RawMap& raw) {
@@ -203,7 +186,9 @@ SlamMap map_from_raw(RawMap&& raw) {
   SlamMap map;
   leave_out(raw, map);
   sort_keyframes(raw);
-  sort_landmarks(raw);
+  sort_landmarks(raw.landmarks, raw.path, "is ", [&](std::int64_t id, const char* field) {
+    return place(raw.dialect, "landmarks", std::to_string(id), field);
+  });
   map.path = raw.path;
   map.format = raw.format;
   map.cameras = checked_cameras(raw);

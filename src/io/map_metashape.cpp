@@ -120,10 +120,7 @@ class PartReader {
     distinguish_labels();
     if (disabled_ > 0) map_.notes.push_back("cameras left out, disabled in Metashape: " + std::to_string(disabled_));
     if (without_pose_ > 0) map_.notes.push_back("cameras left out, not aligned: " + std::to_string(without_pose_));
-    if (others_ > 0) {
-      map_.notes.push_back("cameras left out, of sensors that are not spherical: " + std::to_string(others_) +
-                           "; only panoramas can be used");
-    }
+    note_others(map_, "cameras left out, of sensors that are not spherical", others_);
     return finalize_map(std::move(map_));
   }
 

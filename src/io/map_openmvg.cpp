@@ -122,10 +122,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
     map.keyframes.push_back(std::move(keyframe));
   });
   if (without_pose > 0) map.notes.push_back("views left out, without a pose: " + std::to_string(without_pose));
-  if (others > 0) {
-    map.notes.push_back("views left out, of cameras that are not spherical: " + std::to_string(others) +
-                        "; only panoramas can be used");
-  }
+  note_others(map, "views left out, of cameras that are not spherical", others);
   read_structure(json, map);
   map.images = inner_folder(json.at("root_path").text(), map);
   return finalize_map(std::move(map));

@@ -124,10 +124,7 @@ SlamMap read_one(const JsonValue& json) {
   if (timed < map.keyframes.size()) {
     for (MapKeyframe& keyframe : map.keyframes) keyframe.timestamp = 0.0;
   }
-  if (others > 0) {
-    map.notes.push_back("shots left out, of cameras that are not spherical: " + std::to_string(others) +
-                        "; only panoramas can be used");
-  }
+  note_others(map, "shots left out, of cameras that are not spherical", others);
   number_by_image(map);
   PointIds ids;
   if (json.has("points")) {

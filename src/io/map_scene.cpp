@@ -10,6 +10,7 @@
 
 #include <Eigen/Geometry>
 
+#include "export/files.h"
 #include "panorama_size.h"
 #include "pmsp/error.h"
 #include "pmsp/types.h"
@@ -83,20 +84,6 @@ void drop_non_finite(SlamMap& map) {
   }
   note_invalid_points(map, static_cast<std::size_t>(map.landmarks.end() - points));
   map.landmarks.erase(points, map.landmarks.end());
-}
-
-void sort_landmarks(SlamMap& map) {
-  std::vector<MapLandmark>& landmarks = map.landmarks;
-  std::sort(landmarks.begin(), landmarks.end(), [](const MapLandmark& a, const MapLandmark& b) { return a.id < b.id; });
-  for (std::size_t i = 0; i < landmarks.size(); ++i) {
-    const std::string where = "point " + std::to_string(landmarks[i].id);
-    if (i > 0 && landmarks[i - 1].id == landmarks[i].id) {
-      fail(map.path, where, "this id appears more than once, expected unique ids");
-    }
-    if (!is_position(landmarks[i].position_world)) {
-      fail(map.path, where, "is at " + to_message(landmarks[i].position_world) + ", " + kExpectedPosition);
-    }
-  }
 }
 
 void sort_keyframes(SlamMap& map) {
@@ -206,6 +193,10 @@ void note_invalid_points(SlamMap& map, std::size_t count) {
   if (count > 0) map.notes.push_back("points left out, whose positions are not finite: " + std::to_string(count));
 }
 
+void note_others(SlamMap& map, const std::string& what, std::size_t count) {
+  if (count > 0) map.notes.push_back(what + ": " + std::to_string(count) + "; only panoramas can be used");
+}
+
 std::string image_name(const std::string& name, const std::filesystem::path& path, const std::string& where) {
   constexpr std::size_t kLongest = 4096;
   const bool has_controls =
@@ -238,25 +229,35 @@ void check_images_once(const SlamMap& map, const std::filesystem::path& path) {
   }
 }
 
+void sort_landmarks(std::vector<MapLandmark>& landmarks, const std::filesystem::path& path, const char* at,
+                    const std::function<std::string(std::int64_t id, const char* field)>& where) {
+  std::sort(landmarks.begin(), landmarks.end(), [](const MapLandmark& a, const MapLandmark& b) { return a.id < b.id; });
+  for (std::size_t i = 0; i < landmarks.size(); ++i) {
+    if (i > 0 && landmarks[i - 1].id == landmarks[i].id) {
+      fail(path, where(landmarks[i].id, ""), "this id appears more than once, expected unique ids");
+    }
+    if (!is_position(landmarks[i].position_world)) {
+      fail(path, where(landmarks[i].id, "pos_w"),
+           at + to_message(landmarks[i].position_world) + ", " + kExpectedPosition);
+    }
+  }
+}
+
 std::filesystem::path longest_tail(const std::filesystem::path& folder, const std::string& name, bool other_endings) {
   constexpr std::array<const char*, 10> kEndings{".jpg", ".JPG", ".jpeg", ".JPEG", ".png",
                                                  ".PNG", ".tif", ".TIF",  ".tiff", ".TIFF"};
-  const auto is_there = [](const std::filesystem::path& path) {
-    std::error_code ignored;
-    return std::filesystem::is_regular_file(path, ignored);
-  };
   // "1.jpg.png" may be the mask of "1.jpg", and "IMG.0001" has no extension.
   const std::string own = std::filesystem::path(name).extension().string();
   const bool has_ending =
       own.size() > 1 && std::all_of(own.begin() + 1, own.end(), [](unsigned char c) { return std::isalpha(c) != 0; });
   for (std::size_t at = 0; at != std::string::npos;) {
     const std::filesystem::path path = folder / name.substr(at);
-    if (is_there(path)) return path;
+    if (is_file(path)) return path;
     for (std::size_t i = 0; other_endings && i < kEndings.size(); ++i) {
       std::filesystem::path other = path;
       if (has_ending) other.replace_extension();
       other += kEndings[i];
-      if (is_there(other)) return other;
+      if (is_file(other)) return other;
     }
     const std::size_t slash = name.find('/', at);
     at = slash == std::string::npos ? slash : slash + 1;
@@ -340,7 +341,8 @@ SlamMap finalize_map(SlamMap&& map) {
   drop_non_finite(map);
   sort_keyframes(map);
   sort_cameras(map);
-  sort_landmarks(map);
+  sort_landmarks(map.landmarks, map.path, "is at ",
+                 [](std::int64_t id, const char* /*field*/) { return "point " + std::to_string(id); });
   filter_observations(map);
   round_camera_sizes(map);
   if (map.component_keyframes.empty()) map.component_keyframes = {map.keyframes.size()};

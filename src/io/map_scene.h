@@ -55,6 +55,7 @@ Eigen::Matrix3d rotation_from_matrix(const Eigen::Matrix3d& matrix, const std::f
 void note_unnormalised(SlamMap& map, std::size_t count);
 void note_invalid_poses(SlamMap& map, std::size_t count);
 void note_invalid_points(SlamMap& map, std::size_t count);
+void note_others(SlamMap& map, const std::string& what, std::size_t count);  ///< of other cameras than panoramas
 
 /// Returns a file's image name as a path inside the image folder, "left/0001.jpg": slashes for backslashes, without
 /// drive, leading separators and "..". Throws InvalidInput if nothing remains.
@@ -62,6 +63,11 @@ std::string image_name(const std::string& name, const std::filesystem::path& pat
 
 /// Throws InvalidInput with `path` if two keyframes have the same image.
 void check_images_once(const SlamMap& map, const std::filesystem::path& path);
+
+/// Sorts by id. Throws InvalidInput for equal ids and positions out of range. `at`: verb of the message;
+/// `where`: name of a landmark's field.
+void sort_landmarks(std::vector<MapLandmark>& landmarks, const std::filesystem::path& path, const char* at,
+                    const std::function<std::string(std::int64_t id, const char* field)>& where);
 
 /// Returns the longest tail of an image_name that is a file in the folder: for "a/b/c.jpg" a/b/c.jpg, else b/c.jpg,
 /// else c.jpg; "" = none. `other_endings`: also with other image extensions, replaced or appended if there is none.

@@ -4,9 +4,7 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
@@ -16,9 +14,11 @@
 #include <utility>
 #include <vector>
 
+#include "export/files.h"
 #include "image_decode.h"
 #include "mask_image.h"
 #include "pmsp/error.h"
+#include "util/text.h"
 
 namespace pmsp {
 namespace {
@@ -78,14 +78,10 @@ std::string text_of(const Colours& colours, const cv::Mat& image) {
     for (int c = 0; c < image.channels() && c < 3; ++c)
       bgr[static_cast<std::size_t>(c)] =
           colours[i].first >> static_cast<unsigned>(16 * (image.channels() - 1 - c)) & 0xFFFFU;
-    char name[64];
-    if (image.channels() == 1) {
-      std::snprintf(name, sizeof(name), "%.0f %% gray %u", 100.0 * colours[i].second, static_cast<unsigned>(bgr[0]));
-    } else {
-      std::snprintf(name, sizeof(name), "%.0f %% #%02x%02x%02x", 100.0 * colours[i].second,
-                    static_cast<unsigned>(bgr[2]), static_cast<unsigned>(bgr[1]), static_cast<unsigned>(bgr[0]));
-    }
-    text += (i == 0 ? "" : ", ") + std::string(name);
+    text += format("%s%.0f %% ", i == 0 ? "" : ", ", 100.0 * colours[i].second);
+    text += image.channels() == 1 ? format("gray %u", static_cast<unsigned>(bgr[0]))
+                                  : format("#%02x%02x%02x", static_cast<unsigned>(bgr[2]),
+                                           static_cast<unsigned>(bgr[1]), static_cast<unsigned>(bgr[0]));
   }
   return text;
 }
@@ -96,9 +92,7 @@ double half_of(const cv::Mat& image) {
 
 /// JPEG has no exact black.
 bool is_jpeg(const std::filesystem::path& path) {
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const std::string ending = lower_case(path.extension().string());
   return ending == ".jpg" || ending == ".jpeg" || ending == ".jpe";
 }
 
@@ -217,8 +211,7 @@ double hidden_share(ImageView<const std::uint8_t> mask) {
 
 bool may_have_alpha(const std::filesystem::path& image) {
   constexpr std::size_t kMost = std::size_t{1} << 14;
-  std::error_code ignored;
-  if (is_jpeg(image) || !std::filesystem::is_regular_file(image, ignored)) return false;
+  if (is_jpeg(image) || !is_file(image)) return false;
   std::ifstream file(image, std::ios::binary);
   std::vector<std::uint8_t> bytes(kMost);
   file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));

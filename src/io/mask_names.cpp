@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <system_error>
 #include <vector>
 
 #include "image_naming.h"
+#include "util/text.h"
 
 namespace pmsp::io {
 namespace {
@@ -17,12 +17,6 @@ namespace fs = std::filesystem;
 constexpr std::array kEndings{".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"};
 
 }  // namespace
-
-std::string lower_case(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
 
 bool is_mask_name(const fs::path& path) {
   const std::string stem = lower_case(path.stem().string());

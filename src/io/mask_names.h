@@ -30,7 +30,4 @@ class MaskNames {
 constexpr std::size_t kMaskEnd = 5;  ///< length of "_mask"
 bool is_mask_name(const std::filesystem::path& path);
 
-/// Converts to lower case (ASCII).
-std::string lower_case(std::string text);
-
 }  // namespace pmsp::io

@@ -8,6 +8,7 @@
 #include <tuple>
 #include <utility>
 
+#include "export/files.h"
 #include "image_naming.h"
 #include "mask_image.h"
 #include "mask_names.h"
@@ -26,11 +27,6 @@ constexpr std::size_t kLookedAt = 16;  ///< sampled images
 constexpr const char* kMasksFolder = "masks";
 
 bool is_yaml(const fs::path& path) { return path.extension() == ".yaml" || path.extension() == ".yml"; }
-
-bool is_file(const fs::path& path) {
-  std::error_code ignored;
-  return !path.empty() && fs::is_regular_file(path, ignored);
-}
 
 void ignore_rectangle(Image<std::uint8_t>& mask, const io::MaskRectangle& r) {
   const auto span = [](double from, double to, int size) {

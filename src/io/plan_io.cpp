@@ -80,6 +80,4 @@ Plan plan_from_json(const std::string& text, const std::string& where) {
 
 void write_plan(const std::filesystem::path& path, const Plan& plan) { write_file(path, plan_json(plan)); }
 
-Plan read_plan(const std::filesystem::path& path) { return plan_from_json(read_whole_file(path), path.string()); }
-
 }  // namespace pmsp

@@ -19,7 +19,4 @@ PMSP_API Plan plan_from_json(const std::string& text, const std::string& where =
 /// Writes a plan atomically. Throws OutputError.
 PMSP_API void write_plan(const std::filesystem::path& path, const Plan& plan);
 
-/// Throws IoError, InvalidInput.
-PMSP_API Plan read_plan(const std::filesystem::path& path);
-
 }  // namespace pmsp

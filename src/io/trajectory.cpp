@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -14,6 +13,7 @@
 #include "map_scene.h"
 #include "text_input.h"
 #include "util/median_of.h"
+#include "util/text.h"
 
 namespace pmsp::map_detail {
 namespace {
@@ -65,9 +65,7 @@ std::optional<Columns> columns_named(std::string line) {
     line.erase(open, close == std::string::npos ? close : close - open + 1);  // units
   }
   line.erase(std::remove(line.begin(), line.end(), '#'), line.end());
-  std::transform(line.begin(), line.end(), line.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  const std::vector<std::string> names = words_of(line, kBlanks);
+  const std::vector<std::string> names = words_of(lower_case(line), kBlanks);
   if (names.size() > kMostColumns) return std::nullopt;
   std::array<int, 3> position{-1, -1, -1};
   std::array<int, 4> rotation{-1, -1, -1, -1};

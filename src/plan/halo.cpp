@@ -194,9 +194,4 @@ std::vector<std::int64_t> PointsHalo::planes_of(std::int64_t id) const {
   return ids;
 }
 
-Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options, bool points) {
-  check_chain(options);
-  return find_halo(plan, ids, options, points ? Wanted::kPoints : Wanted::kDepthMaps);
-}
-
 }  // namespace pmsp

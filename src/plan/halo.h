@@ -9,8 +9,8 @@
 
 #include "plan/plan.h"
 #include "planned_densifier.h"
+#include "pmsp/api.h"
 #include "pmsp/options.h"
-#include "util/io_api.h"
 
 namespace pmsp {
 
@@ -22,13 +22,14 @@ struct RunHalo : Halo {
   std::vector<std::int64_t> earlier;  ///< keyframes whose earlier planes are read
 };
 
-/// As `halo`, for chains of any length.
+/// `options`: those of the plan. `clouds`, `rounds` and `range_maps` only of points. Throws InvalidInput if the plan
+/// lacks one of `ids` or a listed keyframe.
 RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
                   Wanted wanted, const std::map<std::int64_t, PlaneReuse>& reuses = {});
 
 /// Keyframes whose planes determine the points of a keyframe, for many queries: as find_halo with the planes of all
 /// keyframes from an earlier run.
-class PMSP_IO_API PointsHalo {
+class PMSP_API PointsHalo {
  public:
   /// `plan` and `options` must outlive it.
   PointsHalo(const Plan& plan, const DensifierOptions& options);

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include "pmsp/api.h"
 #include "pmsp/types.h"
-#include "util/io_api.h"
 
 namespace pmsp {
 
@@ -16,6 +16,6 @@ struct PosePair {
 double moved_angle(const PosePair& then, const PosePair& now, double distance);
 
 /// Returns the displacement [px of `width`].
-PMSP_IO_API double moved_px(const PosePair& then, const PosePair& now, double distance, int width);
+PMSP_API double moved_px(const PosePair& then, const PosePair& now, double distance, int width);
 
 }  // namespace pmsp

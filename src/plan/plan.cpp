@@ -45,12 +45,6 @@ KeyframeUse keyframe_use_from_name(const std::string& name) {
   throw InvalidInput("the use of a keyframe is '" + name.substr(0, 100) + "'; expected one of " + names);
 }
 
-bool operator==(const PlanEntry& a, const PlanEntry& b) {
-  return a.id == b.id && a.use == b.use && a.near == b.near && a.first_planes == b.first_planes &&
-         a.range.min == b.range.min && a.range.max == b.range.max && a.consistency == b.consistency &&
-         a.fusion == b.fusion && a.viewers == b.viewers && a.duplicate_views == b.duplicate_views;
-}
-
 SharpnessRecord record_sharpness(const Keyframe& keyframe, int width, const Executor* executor) {
   if (keyframe.image.empty()) return {};
   return {landmark_sharpness(keyframe, width > 0 ? width : keyframe.image.width, executor)};

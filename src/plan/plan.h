@@ -70,15 +70,11 @@ struct PlanEntry {
   bool used() const { return use <= KeyframeUse::kNoRange; }
   bool has_depth_map() const { return use == KeyframeUse::kDepthMap; }
 };
-PMSP_API bool operator==(const PlanEntry& a, const PlanEntry& b);
-inline bool operator!=(const PlanEntry& a, const PlanEntry& b) { return !(a == b); }
 
 /// Use and dependencies of all keyframes of a mission.
 struct Plan {
   std::vector<PlanEntry> entries;  ///< in the order of the keyframes
 };
-inline bool operator==(const Plan& a, const Plan& b) { return a.entries == b.entries; }
-inline bool operator!=(const Plan& a, const Plan& b) { return !(a == b); }
 
 /// Makes the plan of a mission: a pure function. `keyframes`: in temporal order, or in any order if
 /// `options.unordered`. Each decision depends on a neighbourhood only:
@@ -128,13 +124,8 @@ struct Halo {
   std::vector<std::int64_t> images;
 };
 
-/// `options`: those of the plan. `points`: false = dependencies of the filtered depth maps of `ids`; no `clouds`,
-/// `rounds` and `range_maps` then. Throws InvalidOption if the chain of first planes is unlimited (`init.warp_previous`
-/// with `init.chain_keyframes` 0); InvalidInput if the plan lacks one of `ids` or a listed keyframe.
-PMSP_API Halo halo(const Plan& plan, const std::vector<std::int64_t>& ids, const DensifierOptions& options,
-                   bool points = true);
-
-/// Throws InvalidOption if the chain of first planes is unlimited: parts of a mission then have no halo.
+/// Throws InvalidOption if the chain of first planes is unlimited (`init.warp_previous` with `init.chain_keyframes` 0):
+/// parts of a mission then have no halo.
 PMSP_API void check_chain(const DensifierOptions& options);
 
 }  // namespace pmsp

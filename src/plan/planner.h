@@ -9,14 +9,14 @@
 #include "plan/choices.h"
 #include "plan/plan.h"
 #include "plan/reach.h"
-#include "util/io_api.h"
+#include "pmsp/api.h"
 #include "view_filter/view_chain.h"
 
 namespace pmsp {
 
 /// Incremental make_plan: each entry is decided as soon as the keyframes that it depends on are known. Memory is
 /// bounded for sequences; an unordered set is decided by `finish`.
-class PMSP_IO_API Planner {
+class PMSP_API Planner {
  public:
   /// Throws InvalidOption.
   explicit Planner(const DensifierOptions& options, const Plan* previous = nullptr);

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "plan/plan.h"
+#include "pmsp/api.h"
 #include "pmsp/options.h"
-#include "util/io_api.h"
 
 namespace pmsp {
 
@@ -22,7 +22,7 @@ struct PlanReach {
 };
 
 /// `options`: valid.
-PMSP_IO_API PlanReach plan_reach(const DensifierOptions& options);
+PMSP_API PlanReach plan_reach(const DensifierOptions& options);
 
 /// Whether duplicates are searched beyond the fusion window.
 bool searches_whole_mission(const DensifierOptions& options);

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "pmsp/api.h"
 #include "pmsp/types.h"
-#include "util/io_api.h"
 
 // Monocular SLAMs close a loop by one similarity per keyframe but keep only its rotation and translation (stella_vslam,
 // ORB-SLAM3: the graph is optimised over Sim(3), and the translation divided by the scale). Data in the frame of a
@@ -44,6 +44,6 @@ constexpr std::size_t kScaleReach = 5;
 /// Baselines and landmarks each give a robust mean of log ratios with its standard error. If they agree, they are
 /// averaged, else the one closer to the surrounding keyframes is used. Insignificant changes are ignored: bundle
 /// adjustments with random changes of poses keep the scales.
-PMSP_IO_API std::vector<double> recover_scales(const std::vector<MovedKeyframe>& keyframes);
+PMSP_API std::vector<double> recover_scales(const std::vector<MovedKeyframe>& keyframes);
 
 }  // namespace pmsp

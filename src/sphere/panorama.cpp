@@ -14,11 +14,10 @@
 #include "sphere/cube_map.h"
 #include "sphere/image_noise.h"
 #include "sphere/panorama_data.h"
+#include "util/text.h"
 
 namespace pmsp {
 namespace {
-
-std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
 
 void check(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int height) {
   if (image.empty() || image.width % 2 != 0 || image.height % 2 != 0) {

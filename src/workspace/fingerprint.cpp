@@ -2,12 +2,12 @@
 #include "workspace/fingerprint.h"
 
 #include <algorithm>
-#include <cstdio>
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
 #include "io/binary_input.h"
+#include "util/text.h"
 
 namespace pmsp::workspace {
 
@@ -27,10 +27,8 @@ Fingerprint& Fingerprint::add(const std::string& text) { return add(text.size())
 
 std::string Fingerprint::text() const {
   const XXH128_hash_t hash = XXH3_128bits_digest(&state_->hash);
-  char text[33];
-  std::snprintf(text, sizeof(text), "%016llx%016llx", static_cast<unsigned long long>(hash.high64),
+  return format("%016llx%016llx", static_cast<unsigned long long>(hash.high64),
                 static_cast<unsigned long long>(hash.low64));
-  return text;
 }
 
 std::string fingerprint_of_file(const std::filesystem::path& path) {

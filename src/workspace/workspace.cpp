@@ -20,11 +20,6 @@ namespace {
 constexpr const char* kRecord = "workspace.json";
 constexpr const char* kBegun = "begun.json";
 
-bool is_there(const fs::path& path) {
-  std::error_code ignored;
-  return fs::is_regular_file(path, ignored);
-}
-
 bool consists_of(const std::string& text, const char* characters) {
   return !text.empty() && text.find_first_not_of(characters) == std::string::npos;
 }
@@ -81,7 +76,7 @@ Workspace::Workspace(const fs::path& folder, Access access)
                 access == Access::kAlone ? FolderLock::Need::kAlways : FolderLock::Need::kWhereItWorks);
   if (!holds_record()) write_new_file(record, record_json({}));
   record_ = record_from_json(read_whole_file(record), record.string());
-  if (is_there(folder / kBegun)) {
+  if (is_file(folder / kBegun)) {
     begun_ = record_from_json(read_whole_file(folder / kBegun), (folder / kBegun).string());
   }
   make_folder(planes());
@@ -124,8 +119,8 @@ std::string Workspace::fingerprint(const fs::path& file) {
 
 void Workspace::drop_missing(Record& record) const {
   for (auto& [id, keyframe] : record.keyframes) {
-    if (keyframe.planes && !is_there(planes() / keyframe.planes->file)) keyframe.planes.reset();
-    if (keyframe.points && !is_there(points() / keyframe.points->file)) keyframe.points.reset();
+    if (keyframe.planes && !is_file(planes() / keyframe.planes->file)) keyframe.planes.reset();
+    if (keyframe.points && !is_file(points() / keyframe.points->file)) keyframe.points.reset();
   }
 }
 
@@ -135,8 +130,8 @@ bool Workspace::is_blank() const {
   return record_.keyframes.empty() && is_empty(planes()) && is_empty(points());
 }
 
-bool Workspace::has_planes(const StepKeyframePlan& keyframe) const { return is_there(planes() / keyframe.planes_file); }
-bool Workspace::has_points(const StepKeyframePlan& keyframe) const { return is_there(points() / keyframe.points_file); }
+bool Workspace::has_planes(const StepKeyframePlan& keyframe) const { return is_file(planes() / keyframe.planes_file); }
+bool Workspace::has_points(const StepKeyframePlan& keyframe) const { return is_file(points() / keyframe.points_file); }
 
 PlaneMap Workspace::load_planes(const std::string& file) const { return read_planes(planes() / file); }
 void Workspace::save_planes(const std::string& file, const PlaneMap& map) {
@@ -155,7 +150,7 @@ void Workspace::save_points(const std::string& file, const KeyframeCloud& cloud)
 void Workspace::wait_until_saved() { saving_->saver.finish(); }
 
 std::optional<ImageRecord> Workspace::find_image_record(const std::string& file) const {
-  if (!is_there(image_records() / file)) return std::nullopt;
+  if (!is_file(image_records() / file)) return std::nullopt;
   return read_image_record(image_records() / file);
 }
 void Workspace::save_image_record(const std::string& file, const ImageRecord& record) const {

@@ -285,7 +285,7 @@ TEST_CASE("info writes the plan of a run with the same options") {
   INFO(all.err);
   REQUIRE(all.code == 0);
   CHECK_THAT(all.out, Contains("plan.json, 5 keyframes") && Contains("depth map: 5"));
-  const Plan plan = read_plan(file);
+  const Plan plan = plan_from_json(read_text(file));
   REQUIRE(plan.entries.size() == 5);
   for (const PlanEntry& entry : plan.entries) CHECK(entry.near.size() == 2);
 
@@ -298,7 +298,7 @@ TEST_CASE("info writes the plan of a run with the same options") {
   CHECK(json["plan"]["keyframes"] == 4);
   REQUIRE(json["images"]["missing"].size() == 1);
   CHECK(json["images"]["missing"][0]["keyframe_id"] == 3);
-  CHECK(read_plan(file).entries.size() == 4);
+  CHECK(plan_from_json(read_text(file)).entries.size() == 4);
   CHECK(densify({"info", map, "--plan", map, "--force"}).code == 2);  // would overwrite the map
 }
 

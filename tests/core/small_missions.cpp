@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "core/small_missions.h"
 
+#include "plan/halo.h"
 #include "planned_densifier.h"
 
 #include <algorithm>
@@ -179,7 +180,7 @@ Recording whole_run(const SmallMission& mission) {
 
 Recording run_part(const SmallMission& mission, const Plan& plan, const std::vector<std::int64_t>& ids,
                    std::size_t* images) {
-  const Halo needed = halo(plan, ids, mission.options);
+  const Halo needed = find_halo(plan, ids, mission.options, Wanted::kPoints);
   const std::unordered_set<std::int64_t> given(needed.images.begin(), needed.images.end());
   Recording recording;
   PlannedDensifier densifier(mission.options, plan, ids, recording.callbacks());

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/small_missions.h"
+#include "plan/halo.h"
 #include "planned_densifier.h"
 
 using namespace pmsp;
@@ -105,7 +106,7 @@ TEST_CASE("depth maps of a piece need the images of their own halo only", "[dens
     const Sample sample(std::move(mission));
     const Ids all = ids_of(sample.mission.keyframes);
     const Ids ids(all.begin() + 2, all.begin() + 6);
-    const Ids images = halo(sample.plan, ids, sample.mission.options, false).images;
+    const Ids images = find_halo(sample.plan, ids, sample.mission.options, Wanted::kDepthMaps).images;
     Recording recording;
     DensifierCallbacks callbacks = recording.callbacks();
     callbacks.cloud = nullptr;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/small_missions.h"
+#include "plan/halo.h"
 #include "planned_densifier.h"
 #include "pmsp/error.h"
 
@@ -166,7 +167,7 @@ TEST_CASE("a part of a mission uses only the keyframes it needs", "[densifier][p
   const SmallMission mission = flight();
   const Plan plan = plan_of(mission);
   const Ids ids = {plan.entries[2].id};
-  const Halo needed_by = halo(plan, ids, mission.options);
+  const Halo needed_by = find_halo(plan, ids, mission.options, Wanted::kPoints);
   const Ids& images = needed_by.images;
   REQUIRE(images.size() < mission.keyframes.size());
   Recording recording;
@@ -192,7 +193,7 @@ TEST_CASE("a part of a mission uses only the keyframes it needs", "[densifier][p
 TEST_CASE("keyframes missing or out of the plan's order are named", "[densifier][plan]") {
   const SmallMission mission = flight();
   const Plan plan = plan_of(mission);
-  const Ids images = halo(plan, {plan.entries[2].id}, mission.options).images;
+  const Ids images = find_halo(plan, {plan.entries[2].id}, mission.options, Wanted::kPoints).images;
   const auto keyframe_of = [&](std::int64_t id) {
     return *std::find_if(mission.keyframes.begin(), mission.keyframes.end(),
                          [&](const Keyframe& keyframe) { return keyframe.id == id; });

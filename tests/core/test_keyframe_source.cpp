@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/small_missions.h"
+#include "plan/halo.h"
 #include "planned_densifier.h"
 #include "pmsp/error.h"
 #include "support/temp_dir.h"
@@ -59,7 +60,7 @@ ResultsById run_by_asking(const SmallMission& mission, const Plan& plan, const I
     came.push_back(id);
     again += times - 1;
   }
-  Ids expected = halo(plan, ids, mission.options).images;
+  Ids expected = find_halo(plan, ids, mission.options, Wanted::kPoints).images;
   std::sort(expected.begin(), expected.end());
   CHECK(came == expected);
   return by_id(recording);

@@ -12,6 +12,7 @@
 
 #include "core/small_missions.h"
 #include "pipeline.h"
+#include "plan/halo.h"
 #include "planned_densifier.h"
 #include "pmsp/error.h"
 
@@ -157,7 +158,7 @@ TEST_CASE("requesting planes alone gives the same planes from fewer images", "[d
     PlannedCallbacks callbacks;
     callbacks.planes = [&](const PlaneMap& map) { CHECK(planes.emplace(map.keyframe_id, map).second); };
     PlannedDensifier densifier(mission.options, plan, ids, callbacks);
-    CHECK(densifier.images().size() <= halo(plan, ids, mission.options, false).images.size());
+    CHECK(densifier.images().size() <= find_halo(plan, ids, mission.options, Wanted::kDepthMaps).images.size());
     for (const std::int64_t id : densifier.images()) densifier.add(keyframe_of(mission, id));
     densifier.flush();
     CHECK(planes.size() >= ids.size());  // with a single pass, keyframes whose planes are warped are finished as well

@@ -98,7 +98,8 @@ TEST_CASE("the number of keyframes that hold an artefact is bounded for missions
       const MemorySimulation flight(schedule, plan_delay, 700);
       for (const auto& [artefact, count] : flight.most) {
         CAPTURE(static_cast<int>(quality), points, static_cast<int>(artefact));
-        CHECK(count == schedule.keyframes_with(artefact));
+        REQUIRE(schedule.lifetime(artefact) != nullptr);
+        CHECK(count == schedule.lifetime(artefact)->keyframes);
       }
       for (std::size_t s = 0; s < schedule.stages().size(); ++s) {
         CHECK(flight.done()[s] ==
@@ -110,13 +111,13 @@ TEST_CASE("the number of keyframes that hold an artefact is bounded for missions
 
 TEST_CASE("without points no artefacts are kept for them", "[schedule]") {
   const Schedule maps(preset(Quality::kNormal), false);
-  CHECK(maps.keyframes_with(Artefact::kSurfels) == 0);
-  CHECK(maps.keyframes_with(Artefact::kRangeMap) == 0);
+  CHECK(maps.lifetime(Artefact::kSurfels) == nullptr);
+  CHECK(maps.lifetime(Artefact::kRangeMap) == nullptr);
   CHECK(maps.stages().back().kind == Stage::Kind::kFilter);
   DensifierOptions alone = preset(Quality::kOnline);
   alone.advanced.fusion.spacing_px = 0.0;  // every pixel makes a point: keyframes are not compared
   alone.advanced.free_space.enabled = false;
-  CHECK(Schedule(alone, true).keyframes_with(Artefact::kSurfels) == 1);
+  CHECK(Schedule(alone, true).lifetime(Artefact::kSurfels)->keyframes == 1);
 }
 
 // Sanitizers replace the allocator that this test queries.

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
 #include <Eigen/Geometry>
@@ -11,6 +10,7 @@
 #include "elementary.h"
 #include "pmsp/camera.h"
 #include "pmsp/io/depth.h"
+#include "util/numbered_name.h"
 
 namespace pmsp_test {
 namespace {}  // namespace
@@ -89,9 +89,8 @@ void Flight::write_truth(const std::filesystem::path& folder, int height) const 
   std::filesystem::create_directories(folder / "range_mm");
   pmsp::eval::write_tum(folder / "traj_tum.txt", truth_);
   for (std::size_t i = 0; i < truth_.size(); ++i) {
-    char name[32];
-    std::snprintf(name, sizeof(name), "%06zu.png", i);
-    pmsp::write_png16(folder / "range_mm" / name, range(i, height), 1000.0);
+    pmsp::write_png16(folder / "range_mm" / pmsp::numbered_name("", static_cast<std::int64_t>(i), ".png"),
+                      range(i, height), 1000.0);
   }
 }
 

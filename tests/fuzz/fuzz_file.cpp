@@ -204,7 +204,7 @@ std::vector<Reader> make_readers(const fs::path& folder) {
         "\"a.pfm\", \"normal_png\": \"n.png\", \"exr\": \"a.exr\"}]}"}},
       {"a.npy", [](const fs::path& path) { read_npy(path); }, {npy()}},
       {"plan.json",
-       [](const fs::path& path) { read_plan(path); },
+       [](const fs::path& path) { plan_from_json(read_text(path)); },
        {"{\"format\": \"pmsp plan\", \"version\": 1, \"entries\": [" + entry + "]}", plan_json({})}},
       {"record.json",
        [](const fs::path& path) { workspace::record_from_json(read_text(path), "record"); },

@@ -10,6 +10,18 @@
 
 #include "plan/plan.h"
 
+namespace pmsp {
+
+inline bool operator==(const PlanEntry& a, const PlanEntry& b) {
+  return a.id == b.id && a.use == b.use && a.near == b.near && a.first_planes == b.first_planes &&
+         a.range.min == b.range.min && a.range.max == b.range.max && a.consistency == b.consistency &&
+         a.fusion == b.fusion && a.viewers == b.viewers && a.duplicate_views == b.duplicate_views;
+}
+
+inline bool operator==(const Plan& a, const Plan& b) { return a.entries == b.entries; }
+
+}  // namespace pmsp
+
 namespace pmsp::test {
 
 /// A hall or corridor of which keyframes see landmarks on all sides, by poses alone.

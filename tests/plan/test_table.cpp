@@ -5,6 +5,7 @@
 #include <ctime>
 #include <map>
 
+#include "plan/halo.h"
 #include "plan/missions.h"
 
 using namespace pmsp;
@@ -78,7 +79,7 @@ TEST_CASE("sizes of halos, as a table", "[.table]") {
         const auto from = sample.unordered ? with_maps.begin()
                                            : with_maps.begin() + static_cast<std::ptrdiff_t>(with_maps.size() / 2);
         const std::vector<std::int64_t> ids(from, from + static_cast<std::ptrdiff_t>(count));
-        const Halo found = halo(plan, ids, options);
+        const Halo found = find_halo(plan, ids, options, Wanted::kPoints);
         std::printf("  | %zu | %zu | %zu | %zu |", count, besides(found.rounds[0], count), found.range_maps.size(),
                     besides(found.filtered, count));
         for (std::size_t pass = found.planes.size(); pass > 0; --pass) {

@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 #include <string>
 
+#include "plan/missions.h"
 #include "pmsp/error.h"
 #include "workspace/record.h"
 

@@ -2,6 +2,8 @@
 #include "arguments.h"
 
 #include <algorithm>
+#include <climits>
+#include <cstdint>
 #include <iostream>
 #include <sstream>
 #include <system_error>
@@ -15,6 +17,7 @@
 #include "options.h"
 #include "pmsp/io/map.h"
 #include "pmsp/stages.h"
+#include "pmsp/version.h"
 #include "report.h"
 #include "shard.h"
 #include "web/http_server.h"
@@ -51,14 +54,8 @@ DepthFormats depth_formats_from(const std::string& list) {
 }
 
 std::int64_t frame_offset_from(const std::string& text) {
-  if (const auto offset = number_from<std::int64_t>(text)) return *offset;
-  throw UsageError("--frame-offset is \"" + text + "\"; expected a whole number of frames, such as 12 or -12");
-}
-
-int component_from(const std::string& text) {
-  const auto component = number_from<int>(text);
-  if (component && *component >= 0) return *component;
-  throw UsageError("--component is \"" + text + "\"; expected a whole number from 0");
+  return number_in<std::int64_t>("--frame-offset", text, INT64_MIN, INT64_MAX,
+                                 "a whole number of frames, such as 12 or -12");
 }
 
 double frame_rate_from(const std::string& text) {
@@ -71,9 +68,7 @@ double cap_from(const char* option, const std::string& text) {
 
 std::optional<double> depth_scale_from(const std::string& text) {
   if (text == "auto") return std::nullopt;
-  const auto scale = number_from<double>(text);
-  if (scale && *scale > 0.0 && *scale <= 1e12) return scale;
-  throw UsageError("--depth-scale is \"" + text + "\"; expected a number > 0, or auto");
+  return positive_from("--depth-scale", text, "a number > 0, or auto");
 }
 
 double idle_seconds_from(const std::string& text) {
@@ -91,7 +86,10 @@ void add_inputs(CLI::App& app, Arguments& a) {
       ->type_name("DIR")
       ->group("Input");
   app.add_option_function<std::string>(
-         "--component", [&a](const std::string& text) { a.component = component_from(text); },
+         "--component",
+         [&a](const std::string& text) {
+           a.component = number_in("--component", text, 0, INT_MAX, "a whole number from 0");
+         },
          "Reconstruction in a MAP of several, from 0 [default: the largest]")
       ->type_name("N")
       ->group("Input");
@@ -406,7 +404,7 @@ void check_run(const Arguments& a) {
 
 }  // namespace
 
-std::string version_text() { return "pmsp-densify " PMSP_VERSION; }
+std::string version_text() { return "pmsp-densify " PMSP_VERSION_STRING; }
 
 void spell_out_switches(std::vector<std::string>& words) {
   for (std::string& word : words) {

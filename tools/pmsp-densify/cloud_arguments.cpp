@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cstdint>
 
 #include <CLI/CLI.hpp>
 
@@ -20,16 +21,8 @@ namespace {
 const char* const kOutput = "Output";
 const char* const kFrame = "Frame and amount of the cloud";
 
-double positive_from(const char* option, const std::string& text) {
-  const auto value = number_from<double>(text);
-  if (value && *value > 0.0 && *value <= 1e12) return *value;
-  throw UsageError(std::string(option) + " is \"" + text + "\"; expected a number > 0");
-}
-
 std::int64_t count_from(const char* option, const std::string& text) {
-  const auto value = number_from<std::int64_t>(text);
-  if (value && *value > 0) return *value;
-  throw UsageError(std::string(option) + " is \"" + text + "\"; expected a whole number of points from 1");
+  return number_in<std::int64_t>(option, text, 1, INT64_MAX, "a whole number of points from 1");
 }
 
 Box box_from(const std::string& text) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "command_line.h"
 
-#include <sys/ioctl.h>
 #include <unistd.h>
 #include <algorithm>
 #include <iostream>
@@ -12,6 +11,7 @@
 
 #include "exit_code.h"
 #include "options.h"
+#include "progress.h"
 
 namespace pmsp::tool {
 
@@ -106,12 +106,7 @@ constexpr Line kCommon[] = {
 
 bool is_of_info_or_fuse(const Line& line) { return std::string(line.what).find(": ") < 5; }
 
-std::size_t columns() {
-  winsize size = {};
-  if (ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0)
-    return std::max<std::size_t>(size.ws_col, kLeastColumns);
-  return kDefaultColumns;
-}
+std::size_t columns() { return std::max(terminal_columns(STDOUT_FILENO, kDefaultColumns), kLeastColumns); }
 
 /// Wraps text at `width`; lines after the first are indented by `indent`.
 std::string wrapped(const std::string& text, std::size_t width, std::size_t indent) {

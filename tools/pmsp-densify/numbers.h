@@ -6,13 +6,14 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "exit_code.h"
 #include "util/number_from.h"
+#include "util/text.h"
 
 namespace pmsp::tool {
 
@@ -22,6 +23,11 @@ T number_in(const char* option, const std::string& text, T low, T high, const st
   const auto value = number_from<T>(text);
   if (value && *value >= low && *value <= high) return *value;
   throw UsageError(std::string(option) + " is \"" + text + "\"; expected " + expected);
+}
+
+/// Parses a number > 0, up to 1e12. Throws UsageError.
+inline double positive_from(const char* option, const std::string& text, const char* expected = "a number > 0") {
+  return number_in(option, text, std::numeric_limits<double>::denorm_min(), 1e12, expected);
 }
 
 /// Parses a port of an option. Throws UsageError.
@@ -52,13 +58,6 @@ inline double percentile(std::vector<double>& values, double percent) {
   const auto at = static_cast<std::ptrdiff_t>(std::lround(last * std::clamp(percent / 100.0, 0.0, 1.0)));
   std::nth_element(values.begin(), values.begin() + at, values.end());
   return values[static_cast<std::size_t>(at)];
-}
-
-/// Formats a number as std::printf.
-inline std::string number_text(double value, const char* format = "%g") {
-  char text[64];
-  std::snprintf(text, sizeof(text), format, value);
-  return text;
 }
 
 /// Returns "12.5 %" for 0.125.

@@ -5,7 +5,6 @@
 #include <unistd.h>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <iostream>
 
 #include "numbers.h"
@@ -42,12 +41,12 @@ std::string short_count(std::int64_t count) {
   return count < 1'000'000 ? number_text(1e-3 * number, "%.0f k") : number_text(1e-6 * number, "%.1f M");
 }
 
-namespace {
-
-std::size_t terminal_columns() {
+std::size_t terminal_columns(int descriptor, std::size_t fallback) {
   winsize size = {};
-  return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+  return ioctl(descriptor, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : fallback;
 }
+
+namespace {
 
 /// `seconds_left` < 0: unknown.
 nlohmann::ordered_json standing_json(const RunProgress& run_progress, double seconds_left) {
@@ -63,15 +62,9 @@ nlohmann::ordered_json standing_json(const RunProgress& run_progress, double sec
 
 std::string duration_text(double seconds) {
   const auto whole = static_cast<long>(std::lround(std::max(seconds, 0.0)));
-  char text[64];
-  if (whole >= 3600) {
-    std::snprintf(text, sizeof(text), "%ld h %02ld min", whole / 3600, whole / 60 % 60);
-  } else if (whole >= 60) {
-    std::snprintf(text, sizeof(text), "%ld min %02ld s", whole / 60, whole % 60);
-  } else {
-    std::snprintf(text, sizeof(text), "%ld s", whole);
-  }
-  return text;
+  if (whole >= 3600) return format("%ld h %02ld min", whole / 3600, whole / 60 % 60);
+  if (whole >= 60) return format("%ld min %02ld s", whole / 60, whole % 60);
+  return format("%ld s", whole);
 }
 
 std::string count_text(std::int64_t count) {
@@ -204,7 +197,7 @@ void Progress::emit(const nlohmann::ordered_json& event) {
 }
 
 void Progress::draw_bar(const RunProgress& run_progress, double seconds_left) {
-  const std::size_t columns = terminal_columns();
+  const std::size_t columns = terminal_columns(STDERR_FILENO, 80);
   const std::string head = bar_name_ + (bar_count_.empty() ? "" : ": keyframe " + bar_count_);
   const std::string tail = " " + run_progress_text(run_progress, seconds_left);
   const std::size_t taken = head.size() + tail.size() + 4;

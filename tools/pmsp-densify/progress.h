@@ -34,6 +34,9 @@ std::string short_count(std::int64_t count);
 /// unknown.
 std::string run_progress_text(const RunProgress& run_progress, double seconds_left);
 
+/// Returns the width of a terminal; `fallback` if it is none.
+std::size_t terminal_columns(int descriptor, std::size_t fallback);
+
 /// State of a run after a keyframe.
 struct ProgressStep {
   std::string stage;      ///< "densify", ...

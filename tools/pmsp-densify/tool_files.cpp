@@ -2,7 +2,6 @@
 #include "tool_files.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -16,20 +15,6 @@
 namespace pmsp::tool {
 
 namespace fs = std::filesystem;
-
-std::string numbered_name(const char* prefix, std::int64_t id, const char* extension) {
-  char number[32];
-  std::snprintf(number, sizeof(number), "%06lld", static_cast<long long>(id));
-  return std::string(prefix) + number + extension;
-}
-
-bool is_numbered_name(const std::string& name, const std::string& prefix, const std::string& extension) {
-  if (name.size() < prefix.size() + 6 + extension.size()) return false;
-  const auto digits_end = name.end() - static_cast<std::ptrdiff_t>(extension.size());
-  return name.compare(0, prefix.size(), prefix) == 0 && std::equal(extension.begin(), extension.end(), digits_end) &&
-         std::all_of(name.begin() + static_cast<std::ptrdiff_t>(prefix.size()), digits_end,
-                     [](char c) { return c >= '0' && c <= '9'; });
-}
 
 std::string json_text(const nlohmann::ordered_json& json) {
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";

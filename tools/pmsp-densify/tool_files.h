@@ -9,15 +9,10 @@
 #include <nlohmann/json.hpp>
 
 #include "arguments.h"
+#include "util/numbered_name.h"
 #include "workspace/workspace.h"
 
 namespace pmsp::tool {
-
-/// Returns "depth_000012.pfm" for "depth_", 12 and ".pfm".
-std::string numbered_name(const char* prefix, std::int64_t id, const char* extension);
-
-/// True for names of numbered_name().
-bool is_numbered_name(const std::string& name, const std::string& prefix, const std::string& extension);
 
 /// Formats JSON with indentation.
 std::string json_text(const nlohmann::ordered_json& json);

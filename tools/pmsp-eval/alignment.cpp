@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <map>
 
 #include "elementary.h"
 #include "export/fit_similarity.h"
 #include "pmsp-eval/statistics.h"
 #include "pmsp/error.h"
+#include "util/text.h"
 
 namespace pmsp::eval {
 namespace {
@@ -25,11 +25,7 @@ int nearest_in_time(const std::vector<TimedPose>& truth, double time) {
   return static_cast<int>((take_before ? before : after) - truth.begin());
 }
 
-std::string seconds(double value) {
-  char text[64];
-  std::snprintf(text, sizeof(text), "%.3f", value);
-  return text;
-}
+std::string seconds(double value) { return number_text(value, "%.3f"); }
 
 [[noreturn]] void throw_too_few(const std::vector<TimedPose>& keyframes, const std::vector<TimedPose>& truth,
                                 const AlignmentOptions& options, const Alignment& result) {

@@ -3,13 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <string>
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "pmsp-eval/picture_file.h"
+#include "util/text.h"
 
 namespace pmsp::eval {
 namespace {
@@ -111,9 +111,8 @@ class Plot {
     for (std::size_t i = 0; i < calibration.plain.deciles.size(); ++i) {
       const CalibrationBin& bin = calibration.plain.deciles[i];
       text(std::to_string(i + 1), {column(i) - 6, kHeight - kBottom + 18}, 0.42);
-      char from[32];
-      std::snprintf(from, sizeof(from), "%.3f", bin.confidence_min);
-      if (bin.share > 0.0) text(from, {column(i) - 18, kHeight - kBottom + 36}, 0.36);
+      if (bin.share > 0.0)
+        text(number_text(bin.confidence_min, "%.3f"), {column(i) - 18, kHeight - kBottom + 36}, 0.36);
     }
     text("decile of confidence, and the least confidence in it", {kLeft, kHeight - 12}, 0.42);
   }

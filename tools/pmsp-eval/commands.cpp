@@ -2,7 +2,6 @@
 #include "pmsp-eval/commands.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <iostream>
 #include <memory>
 #include <set>
@@ -17,7 +16,7 @@
 #include "pmsp-eval/statistics.h"
 #include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
-#include "pmsp/io/map.h"
+#include "util/numbered_name.h"
 
 namespace pmsp::eval {
 namespace {
@@ -25,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 
 std::vector<TimedPose> read_keyframes(const CommonArguments& common) {
-  return common.map.empty() ? read_tum(common.trajectory) : trajectory_of(read_map(common.map));
+  return read_trajectory(common.map.empty() ? common.trajectory : common.map);
 }
 
 /// Reads positions only, to save memory.
@@ -72,15 +71,14 @@ Similarity keyframes_from_cloud(const CloudInfo& cloud, const CommonArguments& c
     description += ", by its header\n";
     return {};
   }
-  char scale[32];
-  std::snprintf(scale, sizeof(scale), "%.6g", cloud.file_from_map->scale);
+  const std::string scale = number_text(cloud.file_from_map->scale, "%.6g");
   if (common.map.empty()) {
     throw InvalidInput(arguments.cloud.string() + ": was written in another frame than that of its map (scale " +
-                       std::string(scale) +
+                       scale +
                        "), and the frame of the trajectory is unknown; expected --map with the map of the cloud, or "
                        "--as-is for a trajectory in the frame of the cloud");
   }
-  description += "; the transform that its header names is undone (scale " + std::string(scale) + ")\n";
+  description += "; the transform that its header names is undone (scale " + scale + ")\n";
   return inverse_of(*cloud.file_from_map);
 }
 
@@ -97,12 +95,6 @@ void deliver(const CommonArguments& common, const Json& json, const std::string&
   (json_to_stdout ? std::cerr : std::cout) << table << std::flush;
   if (json_to_stdout) std::cout << text << std::flush;
   if (!std::cout) throw OutputError("standard output cannot be written");
-}
-
-fs::path picture_path(const fs::path& folder, const char* prefix, std::int64_t id) {
-  char name[64];
-  std::snprintf(name, sizeof(name), "%s_%06lld.png", prefix, static_cast<long long>(id));
-  return folder / name;
 }
 
 /// Ids of `count` evenly spread keyframes; none without pictures.
@@ -124,7 +116,7 @@ ViewMeasures views_with_pictures(const AlignedCloud& cloud, const Alignment& ali
       pictured(arguments.render, shown, [&](std::size_t keyframe) { return cloud.keyframes[keyframe].id; });
   const ViewObserver observe = [&](const View& view, const Image<float>& range, const Image<float>& error) {
     if (wanted.count(view.keyframe_id) == 0) return;
-    write_view_image(picture_path(arguments.render.folder, "view", view.keyframe_id), range, error,
+    write_view_image(arguments.render.folder / numbered_name("view_", view.keyframe_id, ".png"), range, error,
                      arguments.views.max_relative_error);
   };
   return measure_views(cloud, alignment, truth, arguments.views, observe);
@@ -238,7 +230,7 @@ void run_depth(const CommonArguments& common, DepthArguments arguments) {
     maps[i].labels = measure_labels(depth, error, range, GroundTruth::load_labels(*pairs[i].truth), labels);
     samples[i] = samples_of(pairs[i], error, pairs.size());
     if (wanted.count(id) > 0) {
-      write_depth_error_image(picture_path(arguments.render.folder, "depth_error", id), error, 720);
+      write_depth_error_image(arguments.render.folder / numbered_name("depth_error_", id, ".png"), error, 720);
     }
   });
 

@@ -2,12 +2,13 @@
 #include "pmsp-eval/depth_files.h"
 
 #include <algorithm>
-#include <charconv>
 #include <string>
 #include <system_error>
 
 #include "pmsp/error.h"
 #include "pmsp/io/depth.h"
+#include "util/number_from.h"
+#include "util/numbered_name.h"
 
 namespace pmsp::eval {
 namespace {
@@ -30,17 +31,9 @@ void add_folder(const fs::path& folder, const char* extension, std::vector<Depth
 
 }  // namespace
 
-std::optional<std::int64_t> number_in_name(const fs::path& path, std::string_view prefix, std::string_view extension) {
-  const std::string name = path.filename().string();
-  if (name.size() <= prefix.size() + extension.size()) return std::nullopt;
-  if (name.compare(0, prefix.size(), prefix) != 0) return std::nullopt;
-  if (name.compare(name.size() - extension.size(), extension.size(), extension) != 0) return std::nullopt;
-  const char* begin = name.data() + prefix.size();
-  const char* end = name.data() + name.size() - extension.size();
-  if (!std::all_of(begin, end, [](char c) { return c >= '0' && c <= '9'; })) return std::nullopt;
-  std::int64_t number = 0;
-  if (std::from_chars(begin, end, number).ec != std::errc()) return std::nullopt;
-  return number;
+std::optional<std::int64_t> number_in_name(const fs::path& path, const std::string& prefix,
+                                           const std::string& extension) {
+  return number_from<std::int64_t>(digits_in_name(path.filename().string(), prefix, extension));
 }
 
 std::vector<DepthFile> list_depth_files(const std::vector<fs::path>& inputs, double png_scale,

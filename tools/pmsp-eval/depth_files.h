@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <optional>
-#include <string_view>
+#include <string>
 #include <vector>
 
 #include "pmsp/types.h"
@@ -12,8 +12,8 @@
 namespace pmsp::eval {
 
 /// Returns the number in a file name prefix + digits + extension; nullopt for other names.
-std::optional<std::int64_t> number_in_name(const std::filesystem::path& path, std::string_view prefix,
-                                           std::string_view extension);
+std::optional<std::int64_t> number_in_name(const std::filesystem::path& path, const std::string& prefix,
+                                           const std::string& extension);
 
 struct DepthFile {
   std::int64_t keyframe_id = 0;

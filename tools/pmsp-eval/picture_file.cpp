@@ -1,26 +1,16 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp-eval/picture_file.h"
 
-#include <cstdio>
-#include <vector>
-
-#include <opencv2/imgcodecs.hpp>
-
 #include "export/files.h"
-#include "pmsp/error.h"
+#include "io/image_decode.h"
+#include "util/text.h"
 
 namespace pmsp::eval {
 
 void write_png(const std::filesystem::path& path, const cv::Mat& image) {
-  std::vector<uchar> bytes;
-  if (!cv::imencode(".png", image, bytes)) throw OutputError(path.string() + ": the picture cannot be encoded as PNG");
-  write_file(path, bytes);
+  write_file(path, io::encoded(".png", image, path.string() + ": the picture cannot be encoded as PNG"));
 }
 
-std::string percent(double share) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%g %%", 100.0 * share);
-  return text;
-}
+std::string percent(double share) { return number_text(100.0 * share, "%g %%"); }
 
 }  // namespace pmsp::eval

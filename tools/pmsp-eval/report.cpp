@@ -1,20 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp-eval/report.h"
 
-#include <cstdarg>
-#include <cstdio>
+#include "util/text.h"
 
 namespace pmsp::eval {
 namespace {
-
-[[gnu::format(printf, 1, 2)]] std::string format(const char* pattern, ...) {
-  char text[256];
-  va_list arguments;
-  va_start(arguments, pattern);
-  std::vsnprintf(text, sizeof(text), pattern, arguments);
-  va_end(arguments);
-  return text;
-}
 
 Json to_json(const std::vector<CloudScore>& scores) {
   Json list = Json::array();

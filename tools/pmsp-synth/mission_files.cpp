@@ -2,8 +2,6 @@
 #include "pmsp-synth/mission_files.h"
 
 #include <algorithm>
-#include <cctype>
-#include <cstdio>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -13,8 +11,10 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "export/files.h"
+#include "io/image_decode.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth.h"
+#include "util/numbered_name.h"
 
 namespace pmsp::synth_tool {
 namespace {
@@ -24,18 +24,9 @@ namespace fs = std::filesystem;
 constexpr double kMillimetres = 1000.0;
 constexpr Rgb kRigColor{24, 24, 26};
 
-std::string frame_name(std::int64_t frame) {
-  char name[32];
-  std::snprintf(name, sizeof(name), "%06lld", static_cast<long long>(frame));
-  return name;
-}
-
 void write_image(const fs::path& path, const cv::Mat& image, const std::vector<int>& parameters) {
-  std::vector<unsigned char> encoded;
-  if (!cv::imencode(path.extension().string(), image, encoded, parameters)) {
-    throw OutputError(path.string() + ": cannot be encoded as an image");
-  }
-  write_file(path, encoded);
+  write_file(path, io::encoded(path.extension().string(), image, path.string() + ": cannot be encoded as an image",
+                               parameters));
 }
 
 cv::Mat bgr_of(const Image<Rgb>& image) {
@@ -54,20 +45,15 @@ std::string trajectory(const synth::Mission& mission) {
   for (const synth::Frame& frame : mission.frames) {
     const Eigen::Vector3d center = frame.cam_from_world.center();
     const Eigen::Quaterniond q = Eigen::Quaterniond(frame.cam_from_world.rotation.transpose()).normalized();
-    char line[256];
-    std::snprintf(line, sizeof(line), "%.6f %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n", frame.timestamp, center.x(),
-                  center.y(), center.z(), q.x(), q.y(), q.z(), q.w());
-    text += line;
+    text += format("%.6f %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n", frame.timestamp, center.x(), center.y(), center.z(),
+                   q.x(), q.y(), q.z(), q.w());
   }
   return text;
 }
 
-/// At least six digits and an image extension.
 bool is_frame(const fs::path& path) {
-  const std::string stem = path.stem().string();
-  const std::string ending = path.extension().string();
-  return stem.size() >= 6 && (ending == ".png" || ending == ".jpg") &&
-         std::all_of(stem.begin(), stem.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
+  const std::string name = path.filename().string();
+  return is_numbered_name(name, "", ".png") || is_numbered_name(name, "", ".jpg");
 }
 
 /// Removes frames of an earlier, longer mission, which would be read as part of this one.
@@ -147,7 +133,7 @@ void write_mission(synth::Mission& mission, const MissionFilesOptions& options) 
     synth::Frame& frame = mission.frames[i];
     const std::int64_t number = static_cast<std::int64_t>(i) * options.frame_step;
     frame.timestamp = static_cast<double>(number) / options.map.fps;
-    const std::string name = frame_name(number);
+    const std::string name = numbered_name("", number, "");
     if (options.jpeg_quality > 0) {
       write_image(options.folder / "images" / (name + ".jpg"), bgr_of(frame.image),
                   {cv::IMWRITE_JPEG_QUALITY, options.jpeg_quality});

@@ -17,9 +17,11 @@
 #include "arguments.h"
 #include "batch_arguments.h"
 #include "export/files.h"
+#include "io/image_naming.h"
 #include "options.h"
 #include "pmsp/error.h"
 #include "tool_files.h"
+#include "util/text.h"
 
 namespace pmsp::tool {
 
@@ -44,10 +46,7 @@ struct Line {
   std::string text;
 };
 
-std::string stripped(const std::string& text) {
-  const std::size_t first = text.find_first_not_of(" \t\r");
-  return first == std::string::npos ? "" : text.substr(first, text.find_last_not_of(" \t\r") + 1 - first);
-}
+std::string stripped(const std::string& text) { return trimmed(text, " \t\r"); }
 
 /// Lines without blank ones and comments.
 std::vector<Line> lines_of(std::string text) {
@@ -322,9 +321,7 @@ std::string line_difference(const Mission& recorded, const Mission& given) {
 namespace {
 
 bool has_extension(const fs::path& path, const std::set<std::string>& extensions) {
-  std::string extension = path.extension().string();
-  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return extensions.count(extension) > 0;
+  return extensions.count(lower_case(path.extension().string())) > 0;
 }
 
 bool is_map(const fs::path& path) {
@@ -333,14 +330,10 @@ bool is_map(const fs::path& path) {
 bool is_video(const fs::path& path) {
   return has_extension(path, {".mp4", ".mov", ".mkv", ".avi", ".webm", ".m4v", ".insv", ".360"});
 }
-bool is_image(const fs::path& path) {
-  return has_extension(path, {".jpg", ".jpeg", ".jpe", ".png", ".tif", ".tiff", ".bmp", ".webp"});
-}
 
 bool holds_images(const fs::path& folder) {
   const std::vector<fs::path> entries = entries_in(folder);
-  return std::any_of(entries.begin(), entries.end(),
-                     [](const fs::path& entry) { return is_image(entry) && entry.filename().string()[0] != '.'; });
+  return std::any_of(entries.begin(), entries.end(), io::is_image_name);
 }
 
 bool holds_image_folder(const fs::path& folder) {

@@ -5,7 +5,6 @@
 #include <array>
 #include <cerrno>
 #include <csignal>
-#include <cstdio>
 #include <cstring>
 #include <ctime>
 #include <exception>
@@ -23,6 +22,7 @@
 #include "options.h"
 #include "pmsp/error.h"
 #include "tool_files.h"
+#include "util/text.h"
 #include "web/web_path.h"
 #include "workspace/fingerprint.h"
 
@@ -266,9 +266,7 @@ std::string cell_of(const BatchMission& mission, const Column& column) {
   if (column.key == nullptr) return mission.mission.name;
   if (column.decimals < 0) return text_in(mission.status, column.key);
   if (!mission.status.contains(column.key) || !mission.status[column.key].is_number()) return "";
-  char text[400];
-  std::snprintf(text, sizeof(text), "%.*f", column.decimals, mission.status[column.key].get<double>());
-  return text;
+  return format("%.*f", column.decimals, mission.status[column.key].get<double>());
 }
 
 Row row_of(const BatchMission& mission) {
@@ -320,8 +318,7 @@ std::string cell(const std::string& html, const char* kind = "") {
 
 /// HTML link; "" if the file is missing.
 std::string link(const fs::path& from, const fs::path& to, const std::string& words) {
-  std::error_code ignored;
-  if (!fs::is_regular_file(to, ignored)) return "";
+  if (!is_file(to)) return "";
   const std::string address = web::relative_address(to.lexically_relative(from).generic_string());
   return "<a href=\"" + web::html_text(address) + "\">" + web::html_text(words) + "</a>";
 }

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <cstdio>
 #include <exception>
 #include <filesystem>
 #include <iostream>
@@ -158,9 +157,8 @@ void print(const Json& j) {
   const Json& flight = j["trajectory"];
   const Json& step = flight["keyframe_distance"];
   const double span = flight["last_timestamp"].get<double>() - flight["first_timestamp"].get<double>();
-  char times[96];
-  std::snprintf(times, sizeof(times), "%.3f to %.3f s, %.3f s", flight["first_timestamp"].get<double>(),
-                flight["last_timestamp"].get<double>(), span);
+  const std::string times = format("%.3f to %.3f s, %.3f s", flight["first_timestamp"].get<double>(),
+                                   flight["last_timestamp"].get<double>(), span);
   std::cout << "keyframes:  " << j["keyframes"] << ", timestamps " << times << "\n"
             << "path:       " << number(flight["path_length"]) << " map units; from keyframe to keyframe "
             << number(step["min"]) << " to " << number(step["max"]) << ", median " << number(step["median"]) << "\n";

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <cstdio>
 #include <limits>
 #include <vector>
 
@@ -278,9 +277,7 @@ std::string left_out_of(const ViewScene& scene) {
   const double percent =
       100.0 * static_cast<double>(outside) / static_cast<double>(std::max<std::size_t>(scene.points.size(), 1));
   if (percent < 0.05) return "";
-  char text[96];
-  std::snprintf(text, sizeof(text), "%.1f %% of the points lie outside, up to %.3g map units away", percent, farthest);
-  return text;
+  return format("%.1f %% of the points lie outside, up to %.3g map units away", percent, farthest);
 }
 
 cv::Mat draw_from_above(const ViewScene& scene) {

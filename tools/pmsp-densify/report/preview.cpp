@@ -3,18 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <future>
 #include <utility>
 #include <vector>
 
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
 #include "export/files.h"
+#include "io/image_decode.h"
 #include "numbers.h"
 #include "pictures.h"
-#include "pmsp/error.h"
 #include "progress.h"
 #include "tool_files.h"
 
@@ -31,9 +29,7 @@ constexpr const char* kAbove = "cloud_above.png";
 constexpr const char* kCorner = "cloud_corner.png";
 
 void write_png(const std::filesystem::path& path, const cv::Mat& image) {
-  std::vector<unsigned char> encoded;
-  if (!cv::imencode(".png", image, encoded)) throw OutputError(path.string() + ": cannot be encoded as PNG");
-  write_file(path, encoded);
+  write_file(path, io::encoded(".png", image, path.string() + ": cannot be encoded as PNG"));
 }
 
 cv::Mat labelled(const cv::Mat& image, const std::string& words) {
@@ -57,18 +53,12 @@ DepthMap without_normals(const DepthMap& map) {
   return copy;
 }
 
-std::string text(const char* pattern, double a, double b, double c) {
-  char words[128];
-  std::snprintf(words, sizeof(words), pattern, a, b, c);
-  return words;
-}
-
 cv::Mat strip_of(const cv::Mat& color, const DepthMap& map) {
   const DepthPicture picture = draw_depth(map, cv::COLORMAP_TURBO);
-  const std::string depth_words = text("depth: %.1f %% of the pixels; %.3g (red) to %.3g (blue) map units",
-                                       100.0 * picture.coverage, picture.near, picture.far);
+  const std::string depth_words = format("depth: %.1f %% of the pixels; %.3g (red) to %.3g (blue) map units",
+                                         100.0 * picture.coverage, picture.near, picture.far);
   const std::string confidence_words =
-      text("confidence: %g (violet) to %g (yellow), mean %.2f", 0.0, 1.0, picture.mean_confidence);
+      format("confidence: %g (violet) to %g (yellow), mean %.2f", 0.0, 1.0, picture.mean_confidence);
   cv::Mat strip;
   cv::hconcat(
       std::vector<cv::Mat>{labelled(color, "keyframe " + std::to_string(map.keyframe_id)),

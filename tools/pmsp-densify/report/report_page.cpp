@@ -8,10 +8,10 @@
 #include <opencv2/imgproc.hpp>
 
 #include "elementary.h"
+#include "io/image_decode.h"
 #include "mission_input.h"
 #include "numbers.h"
 #include "pictures.h"
-#include "pmsp/error.h"
 #include "progress.h"
 #include "web/page.h"
 #include "web/web_path.h"
@@ -103,7 +103,7 @@ Json report_times(const Json& stats) {
   add("Consistency filter", "seconds", "consistency");
   add("Fusion", "seconds", "fusion");
   add("Free space", "seconds", "free_space");
-  add("Ownership", "seconds", "ownership");
+  add("Duplicate removal", "seconds", "ownership");
   add("Writing points", "critical_path", "points");
   add("Writing depth maps", "critical_path", "depth_maps");
   add("Writing and reading the workspace", "critical_path", "workspace");
@@ -168,10 +168,8 @@ constexpr int kPanoramaQuality = 85, kStripQuality = 80;
 constexpr int kCoverageWidth = 128, kCoverageHeight = 64;
 
 std::string jpeg(const cv::Mat& picture, int quality) {
-  std::vector<unsigned char> bytes;
-  if (!cv::imencode(".jpg", picture, bytes, {cv::IMWRITE_JPEG_QUALITY, quality})) {
-    throw OutputError("a picture for the report cannot be encoded as JPEG");
-  }
+  const std::vector<unsigned char> bytes = io::encoded(
+      ".jpg", picture, "a picture for the report cannot be encoded as JPEG", {cv::IMWRITE_JPEG_QUALITY, quality});
   return {bytes.begin(), bytes.end()};
 }
 

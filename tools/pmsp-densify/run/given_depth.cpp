@@ -24,8 +24,6 @@ constexpr double kLeastCosine = 0.01;  ///< between a given normal and the ray
 
 bool is_filtered(const DepthFolder& folder) { return folder.kind() == "filtered"; }
 
-std::string size_text(int width, int height) { return std::to_string(width) + " x " + std::to_string(height); }
-
 /// Nearest-neighbour resampling.
 template <class T>
 Image<T> resampled(Image<T> image, int width, int height) {

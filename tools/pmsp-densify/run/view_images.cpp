@@ -11,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "export/files.h"
+#include "io/image_decode.h"
 #include "mission_input.h"
 #include "pmsp/error.h"
 #include "tool_files.h"
@@ -38,11 +39,8 @@ void write_jpeg(const fs::path& path, const Image<Rgb>& image) {
                     const_cast<void*>(static_cast<const void*>(image.pixels().data())));
   cv::Mat bgr;
   cv::cvtColor(rgb, bgr, cv::COLOR_RGB2BGR);
-  std::vector<unsigned char> encoded;
-  if (!cv::imencode(".jpg", bgr, encoded, {cv::IMWRITE_JPEG_QUALITY, kQuality})) {
-    throw OutputError(path.string() + ": cannot be encoded as JPEG");
-  }
-  write_file(path, encoded);
+  write_file(path, io::encoded(".jpg", bgr, path.string() + ": cannot be encoded as JPEG",
+                               {cv::IMWRITE_JPEG_QUALITY, kQuality}));
 }
 
 }  // namespace
@@ -53,9 +51,7 @@ std::vector<unsigned char> mask_png(ImageView<const std::uint8_t> mask, int widt
     std::transform(mask.row(y), mask.row(y) + width, gray.ptr<std::uint8_t>(y),
                    [](std::uint8_t use) { return use != 0 ? std::uint8_t{255} : std::uint8_t{0}; });
   }
-  std::vector<unsigned char> encoded;
-  if (!cv::imencode(".png", gray, encoded)) throw OutputError("a mask cannot be encoded as PNG");
-  return encoded;
+  return io::encoded(".png", gray, "a mask cannot be encoded as PNG");
 }
 
 ViewImages::ViewImages(const Arguments& arguments, const SlamMap& map, const ImageSource& source, MaskSource& masks)
@@ -76,7 +72,7 @@ std::vector<OutputView> ViewImages::put(const fs::path& folder, const Similarity
     std::string name = is_frame ? numbered_name("", id, ".jpg") : origin->second.file.filename().string();
     if (is_turned) name = fs::path(name).replace_extension(".jpg").string();
     if (!names.insert(name).second) {  // same name in another subfolder
-      name = numbered_name("", id, ("_" + name).c_str());
+      name = numbered_name("", id, "_" + name);
       names.insert(name);
     }
     if (is_frame || is_turned) {  // trainers ignore EXIF data
