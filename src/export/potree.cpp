@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Potree 2: metadata.json, hierarchy.bin, octree.bin with encoding DEFAULT (uncompressed).
 #include <algorithm>
-#include <cstdio>
 #include <string>
 
 #include <nlohmann/json.hpp>

@@ -6,9 +6,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
-#include <system_error>
 #include <utility>
-#include <vector>
 
 #include "map_file.h"
 #include "map_scene.h"

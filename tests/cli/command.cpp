@@ -50,15 +50,16 @@ std::vector<std::string> densify_words(const std::vector<std::string>& arguments
 
 Result densify(const std::vector<std::string>& arguments) { return Command(densify_words(arguments)).wait(); }
 
+fs::path made_mission(const TempDir& dir, const Words& options) {
+  const Result made = Command(joined({PMSP_SYNTH, "--scene", "room", "-o", (dir / "room").string()}, options)).wait();
+  if (made.code != 0) throw std::runtime_error("pmsp-synth: " + made.err);
+  return dir / "room";
+}
+
 const std::filesystem::path& mission() {
   static const TempDir dir;
-  static const std::filesystem::path folder = [] {
-    const Result made = Command({PMSP_SYNTH, "--scene", "room", "--keyframes", "5", "--width", "256", "--mask-nadir",
-                                 "20", "-o", (dir / "room").string()})
-                            .wait();
-    if (made.code != 0) throw std::runtime_error("pmsp-synth: " + made.err);
-    return dir / "room";
-  }();
+  static const std::filesystem::path folder =
+      made_mission(dir, {"--keyframes", "5", "--width", "256", "--mask-nadir", "20"});
   return folder;
 }
 

@@ -40,6 +40,9 @@ Result densify(const std::vector<std::string>& arguments);
 /// The words that start pmsp-densify.
 std::vector<std::string> densify_words(const std::vector<std::string>& arguments);
 
+/// Makes a mission in a room by pmsp-synth, with these options; returns its folder.
+std::filesystem::path made_mission(const TempDir& dir, const Words& options);
+
 /// A small synthetic mission (folder with map.msg, images/), made once for all tests.
 const std::filesystem::path& mission();
 

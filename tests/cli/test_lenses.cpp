@@ -3,7 +3,6 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -20,13 +19,8 @@ namespace fs = std::filesystem;
 /// A room seen by two lenses 30 mm apart.
 const fs::path& two_lenses() {
   static const TempDir dir;
-  static const fs::path folder = [] {
-    const Result made = Command({PMSP_SYNTH, "--scene", "room", "--keyframes", "10", "--width", "1280", "--samples",
-                                 "2", "--lens-distance", "0.03", "-o", (dir / "room").string()})
-                            .wait();
-    if (made.code != 0) throw std::runtime_error("pmsp-synth: " + made.err);
-    return dir / "room";
-  }();
+  static const fs::path folder =
+      made_mission(dir, {"--keyframes", "10", "--width", "1280", "--samples", "2", "--lens-distance", "0.03"});
   return folder;
 }
 

@@ -217,13 +217,8 @@ namespace {
 /// A room with a rider fixed to the camera.
 const fs::path& with_rider() {
   static const TempDir dir;
-  static const fs::path folder = [] {
-    const Result made = Command({PMSP_SYNTH, "--scene", "room", "--keyframes", "10", "--width", "512", "--samples", "1",
-                                 "--rider", "-o", (dir / "room").string()})
-                            .wait();
-    if (made.code != 0) throw std::runtime_error("pmsp-synth: " + made.err);
-    return dir / "room";
-  }();
+  static const fs::path folder =
+      made_mission(dir, {"--keyframes", "10", "--width", "512", "--samples", "1", "--rider"});
   return folder;
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <thread>
 
 namespace pmsp::test {
 
@@ -95,6 +96,42 @@ const synth::Mission& test_flight() {
 const Recording& test_result() {
   static const Recording kResult = densify(test_flight(), fast_options());
   return kResult;
+}
+
+int callbacks_elsewhere(const DensifierOptions& options) {
+  const std::thread::id here = std::this_thread::get_id();
+  int elsewhere = 0;
+  DensifierCallbacks callbacks;
+  callbacks.raw_depth = [&](const DepthMap&) { elsewhere += std::this_thread::get_id() != here ? 1 : 0; };
+  callbacks.filtered_depth = callbacks.raw_depth;
+  callbacks.cloud = [&](const KeyframeCloud&) { elsewhere += std::this_thread::get_id() != here ? 1 : 0; };
+  Densifier densifier(options, callbacks);
+  fly_through(densifier, test_flight());
+  return elsewhere;
+}
+
+void check_cancel(const DensifierOptions& options, std::size_t at, const Recording& whole) {
+  Recording recording;
+  Densifier* running = nullptr;
+  DensifierCallbacks callbacks = recording.callbacks();
+  const auto record = callbacks.raw_depth;
+  callbacks.raw_depth = [&](const DepthMap& map) {
+    record(map);
+    if (recording.raw.size() == at) std::thread([&] { running->cancel(); }).join();
+  };
+  Densifier densifier(options, callbacks);
+  running = &densifier;
+  CHECK_FALSE(densifier.cancelled());
+  fly_through(densifier, test_flight());
+  CHECK(densifier.cancelled());
+  CHECK(recording.raw.size() == at);
+  CHECK(recording.order.back() == std::pair<char, std::int64_t>('r', static_cast<std::int64_t>(at) - 1));
+  for (std::size_t i = 0; i < recording.order.size(); ++i) CHECK(recording.order[i] == whole.order[i]);
+  Keyframe late = synth::keyframe_of(test_flight(), 0);
+  late.id = 500;
+  CHECK_FALSE(densifier.add(late));
+  densifier.flush();
+  CHECK(recording.raw.size() == at);
 }
 
 double points_on_surface(const synth::Scene& scene, const std::vector<KeyframeCloud>& clouds, double relative) {

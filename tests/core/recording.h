@@ -46,6 +46,13 @@ Recording densify(const synth::Mission& mission, const DensifierOptions& options
 const synth::Mission& test_flight();
 const Recording& test_result();
 
+/// Number of callbacks of `test_flight` on another thread than the one that calls add and flush.
+int callbacks_elsewhere(const DensifierOptions& options);
+
+/// Cancels `test_flight` from another thread in the callback of raw depth map `at`; checks that no result follows, and
+/// that those before are as in `whole`.
+void check_cancel(const DensifierOptions& options, std::size_t at, const Recording& whole);
+
 /// Share of the points within `relative` of the scene's surfaces, seen from their keyframes.
 double points_on_surface(const synth::Scene& scene, const std::vector<KeyframeCloud>& clouds, double relative);
 

@@ -57,41 +57,13 @@ TEST_CASE("a Densifier may be used from another thread than its creator", "[dens
 }
 
 TEST_CASE("callbacks run on the thread that calls add and flush", "[densifier][threads]") {
-  const std::thread::id here = std::this_thread::get_id();
-  int elsewhere = 0;
-  DensifierCallbacks callbacks;
-  callbacks.raw_depth = [&](const DepthMap&) { elsewhere += std::this_thread::get_id() != here ? 1 : 0; };
-  callbacks.filtered_depth = callbacks.raw_depth;
-  callbacks.cloud = [&](const KeyframeCloud&) { elsewhere += std::this_thread::get_id() != here ? 1 : 0; };
-  Densifier densifier(fast_options(kTinyWidth), callbacks);
-  fly_through(densifier, test_flight());
-  CHECK(elsewhere == 0);
+  CHECK(callbacks_elsewhere(fast_options(kTinyWidth)) == 0);
 }
 
 TEST_CASE("after cancel no result is delivered", "[densifier][threads]") {
   for (const std::size_t at : {std::size_t{1}, std::size_t{3}, std::size_t{7}}) {
     INFO("after " << at << " results");
-    Recording recording;
-    Densifier* running = nullptr;
-    DensifierCallbacks callbacks = recording.callbacks();
-    const auto record = callbacks.raw_depth;
-    callbacks.raw_depth = [&](const DepthMap& map) {
-      record(map);
-      if (recording.raw.size() == at) std::thread([&] { running->cancel(); }).join();
-    };
-    Densifier densifier(fast_options(), callbacks);
-    running = &densifier;
-    CHECK_FALSE(densifier.cancelled());
-    fly_through(densifier, test_flight());
-    CHECK(densifier.cancelled());
-    CHECK(recording.raw.size() == at);
-    CHECK(recording.order.back() == std::pair<char, std::int64_t>('r', static_cast<std::int64_t>(at) - 1));
-    for (std::size_t i = 0; i < recording.order.size(); ++i) CHECK(recording.order[i] == test_result().order[i]);
-    Keyframe late = synth::keyframe_of(test_flight(), 0);
-    late.id = 500;
-    CHECK_FALSE(densifier.add(late));
-    densifier.flush();
-    CHECK(recording.raw.size() == at);
+    check_cancel(fast_options(), at, test_result());
   }
 }
 

@@ -9,6 +9,7 @@
 #include "confidence.h"
 #include "core/helpers.h"
 #include "core/on_depth_maps.h"
+#include "core/recording.h"
 #include "elementary.h"
 #include "pmsp/error.h"
 #include "pmsp/stages.h"
@@ -66,15 +67,6 @@ double error_of(const synth::Scene& scene, const KeyframeCloud& cloud, const Clo
   const Vector3d center = cloud.cam_from_world.center();
   const auto hit = scene.intersect(center, in_world(cloud, point) - center);
   return hit ? std::abs(static_cast<double>(point.position.norm()) / hit->distance - 1.0) : 1.0;
-}
-
-bool same_points(const KeyframeCloud& a, const KeyframeCloud& b) {
-  return a.keyframe_id == b.keyframe_id && std::equal(a.points.begin(), a.points.end(), b.points.begin(),
-                                                      b.points.end(), [](const CloudPoint& p, const CloudPoint& q) {
-                                                        return p.position == q.position && p.normal == q.normal &&
-                                                               p.color == q.color && p.views == q.views &&
-                                                               p.confidence == q.confidence;
-                                                      });
 }
 
 }  // namespace
@@ -311,7 +303,7 @@ TEST_CASE("fusion gives the same points for any number of threads", "[fusion]") 
   const std::vector<KeyframeCloud> one = Fusion(mission, 0.6F).fuse_all({}, 1);
   for (const int threads : {2, 5}) {
     const std::vector<KeyframeCloud> several = Fusion(mission, 0.6F).fuse_all({}, threads);
-    for (std::size_t k = 0; k < one.size(); ++k) CHECK(same_points(one[k], several[k]));
+    for (std::size_t k = 0; k < one.size(); ++k) CHECK(same(one[k], several[k]));
   }
 }
 

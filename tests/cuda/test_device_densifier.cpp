@@ -234,15 +234,7 @@ TEST_CASE("a CUDA Densifier may be used from another thread and moved and destro
 }
 
 TEST_CASE("callbacks run on the calling thread", "[cuda][densifier][threads]") {
-  const std::thread::id here = std::this_thread::get_id();
-  int elsewhere = 0;
-  DensifierCallbacks callbacks;
-  callbacks.raw_depth = [&](const DepthMap&) { elsewhere += std::this_thread::get_id() != here ? 1 : 0; };
-  callbacks.filtered_depth = callbacks.raw_depth;
-  callbacks.cloud = [&](const KeyframeCloud&) { elsewhere += std::this_thread::get_id() != here ? 1 : 0; };
-  Densifier densifier(cuda_options(kTinyWidth, true), callbacks);
-  fly_through(densifier, test_flight());
-  CHECK(elsewhere == 0);
+  CHECK(callbacks_elsewhere(cuda_options(kTinyWidth, true)) == 0);
 }
 
 TEST_CASE("callbacks are optional on the device", "[cuda][densifier][small]") {
@@ -293,26 +285,7 @@ TEST_CASE("after cancel the device delivers no result", "[cuda][densifier][threa
   for (const bool pipelined : {false, true}) {
     for (const std::size_t at : {std::size_t{1}, std::size_t{3}, std::size_t{7}}) {
       CAPTURE(pipelined, at);
-      Recording recording;
-      Densifier* running = nullptr;
-      DensifierCallbacks callbacks = recording.callbacks();
-      const auto record = callbacks.raw_depth;
-      callbacks.raw_depth = [&](const DepthMap& map) {
-        record(map);
-        if (recording.raw.size() == at) std::thread([&] { running->cancel(); }).join();
-      };
-      Densifier densifier(cuda_options(kFlightWidth, pipelined), callbacks);
-      running = &densifier;
-      fly_through(densifier, test_flight());
-      CHECK(densifier.cancelled());
-      CHECK(recording.raw.size() == at);
-      CHECK(recording.order.back() == std::pair<char, std::int64_t>('r', static_cast<std::int64_t>(at) - 1));
-      for (std::size_t i = 0; i < recording.order.size(); ++i) CHECK(recording.order[i] == cuda_result().order[i]);
-      Keyframe late = synth::keyframe_of(test_flight(), 0);
-      late.id = 500;
-      CHECK_FALSE(densifier.add(late));
-      densifier.flush();
-      CHECK(recording.raw.size() == at);
+      check_cancel(cuda_options(kFlightWidth, pipelined), at, cuda_result());
     }
   }
 }

@@ -140,6 +140,14 @@ Drained drain(ImageSource& source) {
   return drained;
 }
 
+void add_xmp(const std::filesystem::path& path, const std::string& xmp) {
+  std::string bytes = pmsp_test::read_text(path);
+  const std::string data = "http://ns.adobe.com/xap/1.0/" + std::string(1, '\0') + "<x:xmpmeta>" + xmp + "</x:xmpmeta>";
+  const std::size_t size = data.size() + 2;
+  bytes.insert(2, "\xFF\xE1" + std::string{static_cast<char>(size >> 8U), static_cast<char>(size & 255U)} + data);
+  pmsp_test::write_text(path, bytes);
+}
+
 std::string skip_reason(const ImageSource& source, std::int64_t id) {
   for (const SkippedKeyframe& skipped : source.skipped())
     if (skipped.keyframe_id == id) return skipped.reason;

@@ -38,6 +38,9 @@ Image<Rgb> render_room(int frame, int width = kRoomWidth, double tile = 0.0);
 cv::Mat bgr_of(const Image<Rgb>& image);
 void write_image(const std::filesystem::path& path, const Image<Rgb>& image);
 
+/// Inserts XMP data into a JPEG.
+void add_xmp(const std::filesystem::path& path, const std::string& xmp);
+
 /// The map of that flight, landmarks on the walls observed where they project to. The camera is 320x160 at 10 fps.
 SlamMap room_map(const std::vector<Shot>& shots);
 

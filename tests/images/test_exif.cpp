@@ -2,8 +2,6 @@
 // EXIF data of images: orientation and GPS position.
 #include <algorithm>
 #include <array>
-#include <fstream>
-#include <iterator>
 #include <string>
 #include <vector>
 
@@ -16,6 +14,7 @@
 
 using namespace pmsp;
 using namespace pmsp::test;
+using namespace pmsp_test;
 using Catch::Matchers::Contains;
 
 namespace {
@@ -61,11 +60,6 @@ std::string place(unsigned north, unsigned east, unsigned up) {
          rationals({{north, 1000000}, {0, 1}, {0, 1}, {east, 1000000}, {0, 1}, {0, 1}, {up, 100}});
 }
 
-std::string read_bytes(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
 std::vector<std::uint8_t> numbers(const std::string& bytes) { return {bytes.begin(), bytes.end()}; }
 
 std::string in_jpeg(const std::string& jpeg, const std::string& block) {
@@ -82,10 +76,6 @@ std::string in_png(const std::string& png, const std::string& block) {
   }
   const std::size_t header = 8 + 8 + 13 + 4;
   return png.substr(0, header) + big(block.size(), 4) + chunk + big(crc ^ 0xffffffffU, 4) + png.substr(header);
-}
-
-void write(const std::filesystem::path& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary) << bytes;
 }
 
 /// Black but for the upper left quarter (200) and the upper right one (100).
@@ -136,8 +126,8 @@ TEST_CASE("images are rotated by their EXIF orientation", "[exif]") {
     const auto path = folder / ("0" + ending);
     const bool is_quarter = orientation >= 5;
     write_image(path, is_quarter ? quarters(32, 64) : quarters(64, 32));
-    const std::string plain = read_bytes(path);
-    write(path, ending == ".jpg" ? in_jpeg(plain, tiff(orientation)) : in_png(plain, tiff(orientation)));
+    const std::string plain = read_text(path);
+    write_text(path, ending == ".jpg" ? in_jpeg(plain, tiff(orientation)) : in_png(plain, tiff(orientation)));
     CHECK(corners_of(folder.path()) == shown[orientation]);
   }
   CHECK(shown[1] == upright);
@@ -146,7 +136,7 @@ TEST_CASE("images are rotated by their EXIF orientation", "[exif]") {
 TEST_CASE("a panorama rotated by a quarter turn is refused", "[exif]") {
   const TempDir folder;
   write_image(folder / "0.jpg", quarters(64, 32));
-  write(folder / "0.jpg", in_jpeg(read_bytes(folder / "0.jpg"), tiff(6)));
+  write_text(folder / "0.jpg", in_jpeg(read_text(folder / "0.jpg"), tiff(6)));
   const auto source = open_image_folder(bare_map({{0, 0.0, 0}}), folder.path());
   CHECK_THROWS_WITH(source->next(), Contains("orientation 6") && Contains("twice as wide"));
 }
@@ -154,21 +144,21 @@ TEST_CASE("a panorama rotated by a quarter turn is refused", "[exif]") {
 TEST_CASE("the GPS position of an image is read", "[exif]") {
   const TempDir folder;
   write_image(folder / "0.jpg", quarters(64, 32));
-  const std::string file = in_jpeg(read_bytes(folder / "0.jpg"), tiff(1));
+  const std::string file = in_jpeg(read_text(folder / "0.jpg"), tiff(1));
   const auto gps = io::read_exif(numbers(file)).gps;
   REQUIRE(gps);
   CHECK(gps->latitude_deg == Approx(52.0 + 30.0 / 60.0 + 15.0 / 3600.0).epsilon(1e-12));
   CHECK(gps->longitude_deg == Approx(-7.3).epsilon(1e-12));
   CHECK(gps->altitude_m == Approx(-3.5));
-  write(folder / "0.jpg", file);
+  write_text(folder / "0.jpg", file);
   CHECK(io::read_exif(folder / "0.jpg").gps);
-  CHECK_FALSE(io::read_exif(numbers(read_bytes(folder / "0.jpg").substr(0, 60))).gps);
+  CHECK_FALSE(io::read_exif(numbers(read_text(folder / "0.jpg").substr(0, 60))).gps);
 }
 
 TEST_CASE("the GPS position of a TIFF file is read also if its tags follow the pixels", "[exif]") {
   const TempDir folder;
   const std::string block = tiff(3);
-  write(folder / "0.tif", block);
+  write_text(folder / "0.tif", block);
   // The same with the directories far behind: offsets are from the beginning of the file.
   constexpr unsigned kPixels = 3'000'000;
   const std::string head = std::string("II") + little(42, 2) + little(kPixels, 4);
@@ -176,8 +166,8 @@ TEST_CASE("the GPS position of a TIFF file is read also if its tags follow the p
   const std::string first = little(1, 2) + entry(0x8825, 4, 1, kPixels + 18) + little(0, 4);
   const std::string gps = little(6, 2) + entry(1, 2, 2, 'N') + entry(2, 5, 3, values) + entry(3, 2, 2, 'W') +
                           entry(4, 5, 3, values + 24) + entry(5, 1, 1, 1) + entry(6, 5, 1, values + 48) + little(0, 4);
-  write(folder / "1.tif", head + std::string(kPixels - head.size(), 'x') + first + gps +
-                              rationals({{52, 1}, {30, 1}, {1500, 100}, {7, 1}, {18, 1}, {0, 1}, {7, 2}}));
+  write_text(folder / "1.tif", head + std::string(kPixels - head.size(), 'x') + first + gps +
+                                   rationals({{52, 1}, {30, 1}, {1500, 100}, {7, 1}, {18, 1}, {0, 1}, {7, 2}}));
   for (const char* name : {"0.tif", "1.tif"}) {
     CAPTURE(name);
     const io::Exif exif = io::read_exif(folder / name);
@@ -187,7 +177,7 @@ TEST_CASE("the GPS position of a TIFF file is read also if its tags follow the p
     CHECK(exif.orientation == 1);  // OpenCV turns TIFF files itself
   }
   for (std::size_t size = 0; size < block.size(); ++size) {
-    write(folder / "0.tif", block.substr(0, size));
+    write_text(folder / "0.tif", block.substr(0, size));
     io::read_exif(folder / "0.tif");
   }
 }
@@ -195,7 +185,7 @@ TEST_CASE("the GPS position of a TIFF file is read also if its tags follow the p
 TEST_CASE("broken EXIF data are ignored", "[exif]") {
   const TempDir folder;
   write_image(folder / "0.jpg", quarters(64, 32));
-  const std::string good = in_jpeg(read_bytes(folder / "0.jpg"), tiff(3)).substr(0, 400);
+  const std::string good = in_jpeg(read_text(folder / "0.jpg"), tiff(3)).substr(0, 400);
   for (std::size_t size = 0; size < good.size(); ++size) io::read_exif(numbers(good.substr(0, size)));
   for (std::size_t at = 0; at < good.size(); ++at) {
     for (const char value : {'\0', '\x7f', '\xff'}) {
@@ -218,7 +208,7 @@ TEST_CASE("a cloud is aligned with the GPS positions in the images' EXIF data", 
   for (std::size_t i = 0; i < places.size(); ++i) {
     const std::filesystem::path path = folder / (std::to_string(i) + ".jpg");
     write_image(path, quarters(64, 32));
-    write(path, in_jpeg(read_bytes(path), place(places[i][0], places[i][1], places[i][2])));
+    write_text(path, in_jpeg(read_text(path), place(places[i][0], places[i][1], places[i][2])));
     files[map.keyframes[i].id] = path;
     RigidTransform world_from_cam;  // the map: east is -z, north is x, up is -y, half the size
     world_from_cam.translation = {metres[i].y() / 2, -metres[i].z() / 2, -metres[i].x() / 2};

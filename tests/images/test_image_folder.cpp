@@ -2,7 +2,6 @@
 #include <catch2/catch.hpp>
 #include <cstdio>
 #include <fstream>
-#include <iterator>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
@@ -356,23 +355,14 @@ TEST_CASE("A partial panorama is refused and a full one accepted with any XMP da
   TempDir folder;
   const auto shots = shots_from(0.0);
   write_frames(folder, "%06lld.jpg", shots);
-  const auto tag = [&](const std::string& name, const std::string& xmp) {
-    std::ifstream in(folder / name, std::ios::binary);
-    std::string bytes((std::istreambuf_iterator<char>(in)), {});
-    const std::string data =
-        "http://ns.adobe.com/xap/1.0/" + std::string(1, '\0') + "<x:xmpmeta>" + xmp + "</x:xmpmeta>";
-    const std::size_t size = data.size() + 2;
-    bytes.insert(2, "\xFF\xE1" + std::string{static_cast<char>(size >> 8U), static_cast<char>(size & 255U)} + data);
-    std::ofstream(folder / name, std::ios::binary) << bytes;
-  };
-  tag("000000.jpg",
-      "<a GPano:FullPanoWidthPixels=\"128\" GPano:FullPanoHeightPixels=\"64\" "
-      "GPano:CroppedAreaImageWidthPixels=\"64\" GPano:CroppedAreaImageHeightPixels=\"32\"/>");
-  tag("000001.jpg",
-      "<GPano:FullPanoWidthPixels>64</GPano:FullPanoWidthPixels><GPano:FullPanoHeightPixels>32</GPano:"
-      "FullPanoHeightPixels><GPano:CroppedAreaImageWidthPixels>64</GPano:CroppedAreaImageWidthPixels><GPano:"
-      "CroppedAreaImageHeightPixels>32</GPano:CroppedAreaImageHeightPixels>");
-  tag("000005.jpg", "<a GPano:FullPanoWidthPixels=\"\" GPano:CroppedAreaImageWidthPixels=\"x\"/>");
+  add_xmp(folder / "000000.jpg",
+          "<a GPano:FullPanoWidthPixels=\"128\" GPano:FullPanoHeightPixels=\"64\" "
+          "GPano:CroppedAreaImageWidthPixels=\"64\" GPano:CroppedAreaImageHeightPixels=\"32\"/>");
+  add_xmp(folder / "000001.jpg",
+          "<GPano:FullPanoWidthPixels>64</GPano:FullPanoWidthPixels><GPano:FullPanoHeightPixels>32</GPano:"
+          "FullPanoHeightPixels><GPano:CroppedAreaImageWidthPixels>64</GPano:CroppedAreaImageWidthPixels><GPano:"
+          "CroppedAreaImageHeightPixels>32</GPano:CroppedAreaImageHeightPixels>");
+  add_xmp(folder / "000005.jpg", "<a GPano:FullPanoWidthPixels=\"\" GPano:CroppedAreaImageWidthPixels=\"x\"/>");
   const auto source = open_image_folder(bare_map(shots), folder.path());
   CHECK_THROWS_WITH(source->next(), Contains("000000.jpg") && Contains("64x32 of 128x64") && Contains("GPano"));
   CHECK(drain(*source).frames == Frames{1, 5, 13, 19, 31});
@@ -403,8 +393,7 @@ TEST_CASE("A small file that declares gigabytes of pixels is refused before allo
     file.seekp(at).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   };
   // In a JPEG, height and width stand 5 bytes behind the mark FF C0, in a PNG, width and height at byte 16.
-  std::ifstream jpeg(folder / "000000.jpg", std::ios::binary);
-  const std::string bytes{std::istreambuf_iterator<char>(jpeg), std::istreambuf_iterator<char>()};
+  const std::string bytes = pmsp_test::read_text(folder / "000000.jpg");
   overwrite("000000.jpg", static_cast<std::streamoff>(bytes.find("\xFF\xC0")) + 5, "\xFF\xF0\xFF\xF1");
   write_gray_frame(folder / "000001.png", 1);
   std::filesystem::rename(folder / "000001.png", folder / "000001.jpg");

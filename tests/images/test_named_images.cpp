@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Images named by the map, at deviating paths, and with deviating sizes and data.
 #include <catch2/catch.hpp>
-#include <fstream>
-#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 
 #include "drawn_scene.h"
@@ -94,14 +92,7 @@ TEST_CASE("A stale crop is ignored") {
   const TempDir folder;
   write_frames(folder.path(), {"1.jpg", "2.jpg"});
   const auto tag = [&](const fs::path& path, const std::string& size) {
-    std::ifstream in(path, std::ios::binary);
-    std::string bytes((std::istreambuf_iterator<char>(in)), {});
-    const std::string data = "http://ns.adobe.com/xap/1.0/" + std::string(1, '\0') +
-                             "<x:xmpmeta><a GPano:FullPanoWidthPixels=\"5760\" GPano:FullPanoHeightPixels=\"2880\" " +
-                             size + "/></x:xmpmeta>";
-    const std::size_t length = data.size() + 2;
-    bytes.insert(2, "\xFF\xE1" + std::string{static_cast<char>(length >> 8U), static_cast<char>(length & 255U)} + data);
-    std::ofstream(path, std::ios::binary) << bytes;
+    add_xmp(path, "<a GPano:FullPanoWidthPixels=\"5760\" GPano:FullPanoHeightPixels=\"2880\" " + size + "/>");
   };
   tag(folder / "1.jpg", "GPano:CroppedAreaImageWidthPixels=\"5760\" GPano:CroppedAreaImageHeightPixels=\"2300\"");
   tag(folder / "2.jpg", "GPano:CroppedAreaImageWidthPixels=\"64\" GPano:CroppedAreaImageHeightPixels=\"32\"");

@@ -67,7 +67,7 @@ enum class MsgpackVersion {
 nlohmann::json msgpack_tree(const SampleMap& map, MsgpackVersion version);
 
 void write_file(const std::filesystem::path& path, const std::string& bytes);
-std::string read_file(const std::filesystem::path& path);
+inline std::string read_file(const std::filesystem::path& path) { return pmsp_test::read_text(path); }
 std::string msgpack_bytes(const nlohmann::json& tree);
 
 enum class SqliteVersion { stella_0_3_1, stella_0_3_2, stella_0_3_6, stella_0_6_0, stella_dense };

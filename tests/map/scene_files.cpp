@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
-#include <fstream>
 #include <map>
 #include <random>
 #include <sstream>
@@ -13,6 +12,7 @@
 #include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
 
+#include "map_files.h"
 #include "pmsp/camera.h"
 
 namespace pmsp::test {
@@ -37,10 +37,7 @@ std::string number(double value) {
 
 void write(const fs::path& path, const std::string& bytes) {
   fs::create_directories(path.parent_path());
-  std::ofstream file(path, std::ios::binary);
-  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  if (!file) throw std::runtime_error("cannot write " + path.string());
+  write_file(path, bytes);
 }
 
 json vector_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }

@@ -3,7 +3,6 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <fstream>
-#include <iterator>
 #include <map>
 #include <random>
 #include <set>
@@ -68,11 +67,6 @@ std::string error_of_read(const fs::path& path, const ReadMapOptions& options = 
     return std::string("InvalidOption: ") + error.what();
   }
   return "";
-}
-
-std::string text_of(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
 }
 
 std::string replace(std::string text, const std::string& from, const std::string& to) {
@@ -163,7 +157,7 @@ TEST_CASE("older COLMAP camera names are read and others refused with the reason
   const SlamMap map = sample_scene();
   const TempDir folder;
   write_colmap_text(folder.path(), map);
-  const std::string cameras = text_of(folder / "cameras.txt");
+  const std::string cameras = read_file(folder / "cameras.txt");
   write_file(folder / "cameras.txt", replace(cameras, "EQUIRECTANGULAR", "SPHERICAL"));
   check_same_keyframes(read_map(folder.path()), map, "");
   write_file(folder / "cameras.txt", "1 SPHERE 640 320 1 320 160\n");
@@ -181,7 +175,7 @@ TEST_CASE("older COLMAP camera names are read and others refused with the reason
 
   // Views that were cut from panoramas are left out beside these.
   write_file(folder / "cameras.txt", cameras + "2 SIMPLE_PINHOLE 640 640 300 320 320\n");
-  const std::string images = text_of(folder / "images.txt");
+  const std::string images = read_file(folder / "images.txt");
   write_file(folder / "images.txt", images + "77 1 0 0 0 0 0 0 2 cut.jpg\n\n");
   const SlamMap mixed = read_map(folder.path());
   check_same_keyframes(mixed, map, "");
@@ -193,7 +187,7 @@ TEST_CASE("binary cameras of COLMAP forks are recognised by their length") {
   const SlamMap map = sample_scene();
   const TempDir folder;
   write_colmap_binary(folder.path(), map);
-  std::string bytes = text_of(folder / "cameras.bin");
+  std::string bytes = read_file(folder / "cameras.bin");
   bytes[12] = 16;  // SPHERICAL before it was 17
   write_file(folder / "cameras.bin", bytes);
   check_same_keyframes(read_map(folder.path()), map, "");
@@ -231,7 +225,7 @@ TEST_CASE("Metashape chunks and components with unaligned and framed cameras") {
   const SlamMap map = sample_scene();
   const TempDir folder;
   write_metashape(folder / "c.xml", map);
-  const std::string text = text_of(folder / "c.xml");
+  const std::string text = read_file(folder / "c.xml");
   const SlamMap read = read_map(folder / "c.xml");
   CHECK(read.landmarks.empty());
   REQUIRE(read.notes.size() == 1);
@@ -344,7 +338,7 @@ TEST_CASE("names lose components that leave the directory in every format") {
       const fs::path path = format.write(folder.path(), map);
       if (format.name == std::string("COLMAP binary")) continue;  // one function for text and binary
       for (const std::string& file : format.files) {
-        std::string text = text_of(folder / file);
+        std::string text = read_file(folder / file);
         for (const char* begin : {"images/", "/data/", ""}) {
           const std::string whole = begin + std::string("name-to-replace");
           for (std::size_t at = text.find(whole); at != std::string::npos; at = text.find(whole)) {
@@ -435,7 +429,7 @@ TEST_CASE("truncated files are refused or give a valid map") {
     const fs::path path = format.write(folder.path(), map);
     for (const std::string& name : format.files) {
       CAPTURE(format.name, name);
-      const std::string bytes = text_of(folder / name);
+      const std::string bytes = read_file(folder / name);
       const bool must_fail = name.find(".json") != std::string::npos || name.find(".bin") != std::string::npos ||
                              name.find(".xml") != std::string::npos;
       std::size_t accepted = 0;
@@ -459,7 +453,7 @@ TEST_CASE("random damage gives an error or a valid map in every format") {
     const fs::path path = format.write(folder.path(), map);
     for (const std::string& name : format.files) {
       CAPTURE(format.name, name);
-      const std::string bytes = text_of(folder / name);
+      const std::string bytes = read_file(folder / name);
       int read = 0;
       for (int i = 0; i < 400; ++i) {
         std::string damaged = bytes;
@@ -494,7 +488,7 @@ TEST_CASE("absurd lengths and deep nesting neither crash nor fill the memory") {
   const SlamMap map = sample_scene(3, 12);
   write_colmap_binary(folder / "colmap", map);
   for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) {
-    const std::string bytes = text_of(folder / "colmap" / name);
+    const std::string bytes = read_file(folder / "colmap" / name);
     write_file(folder / "colmap" / name, std::string(8, '\xFF') + bytes.substr(8));
     CHECK_THAT(error_of_read(folder / "colmap"), Contains("announces 18446744073709551615"));
     write_file(folder / "colmap" / name, bytes + "x");

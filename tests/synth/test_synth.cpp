@@ -9,7 +9,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -25,14 +24,10 @@
 
 namespace fs = std::filesystem;
 using namespace pmsp;
+using pmsp_test::read_text;
 using pmsp_test::TempDir;
 
 namespace {
-
-std::string content(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
 
 struct Outcome {
   int code = 0;
@@ -43,7 +38,7 @@ Outcome synth_tool(const TempDir& folder, const std::string& arguments) {
   const fs::path log = folder / "log.txt";
   const std::string command = std::string("'") + PMSP_SYNTH + "' " + arguments + " >'" + log.string() + "' 2>&1";
   const int status = std::system(command.c_str());
-  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, content(log)};
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_text(log)};
 }
 
 std::string quoted(const fs::path& path) { return "'" + path.string() + "'"; }
@@ -173,7 +168,7 @@ TEST_CASE("the same seed gives the same bytes, another one does not") {
     REQUIRE(synth_tool(folder, "--scene plane --keyframes 2 -w 64 --noise 2 --landmarks 50 --seed " + seed + " -o " +
                                    quoted(folder / name))
                 .code == 0);
-    return content(folder / name / "map.msg") + content(folder / name / "images" / "000001.png");
+    return read_text(folder / name / "map.msg") + read_text(folder / name / "images" / "000001.png");
   };
   const std::string first = make("a", "5");
   CHECK(first == make("b", "5"));
@@ -184,17 +179,17 @@ TEST_CASE("a non-empty directory is refused without --force and replaced with it
   const TempDir folder;
   const fs::path out = folder / "mission";
   REQUIRE(synth_tool(folder, "--scene corridor --keyframes 3 -w 64 --mask-nadir 20 -o " + quoted(out)).code == 0);
-  const std::string map = content(out / "map.msg");
+  const std::string map = read_text(out / "map.msg");
   const std::string again = "--scene corridor --keyframes 2 -w 64 --jpeg 90 -o " + quoted(out);
   const Outcome refused = synth_tool(folder, again);
   CHECK(refused.code == 6);
   CHECK_THAT(refused.text, Catch::Contains("not empty") && Catch::Contains("--force"));
-  CHECK(content(out / "map.msg") == map);
+  CHECK(read_text(out / "map.msg") == map);
 
   std::ofstream(out / "images" / "notes.txt") << "mine";
   CHECK(synth_tool(folder, again + " --force").code == 0);
   CHECK(files_in(out / "images") == 3);
-  CHECK(content(out / "images" / "notes.txt") == "mine");
+  CHECK(read_text(out / "images" / "notes.txt") == "mine");
   CHECK(files_in(out / "gt" / "range_mm") == 2);
   CHECK_FALSE(fs::exists(out / "mask.png"));
 }
