@@ -138,7 +138,8 @@ struct Votes {
     square_spread = square_spread + select(near, deviation * deviation, F(0));
     square_gain = square_gain + select(near, seen.parallax_gain * seen.parallax_gain, F(0));
   }
-  /// `wanted`: number of maps that must agree; if fewer can see the point, all of these, at least one.
+  /// `min_agreeing`: number of maps that must agree; if fewer could see the point, all of those, at least one. 0 = all
+  /// pixels are kept.
   PMSP_HD MaskOf<F> keep(int min_agreeing) const {
     const MaskOf<F> enough = agree >= min(F(static_cast<float>(min_agreeing)), max(could_see, F(1)));
     return min_agreeing == 0 ? enough : enough & (weight_for > weight_against);

@@ -50,7 +50,7 @@ PMSP_HD DepthEvidence<F> depth_evidence(const Cube& image, const PatchFrame<F>& 
   const F u = scale * x;
   const F v = scale * y;
   const Vec3<F> along = fma(u, frame.right, v * frame.down);
-  const Vec3<F> wrapped_pixel = fma(u, frame.down, (F(0) - v) * frame.right);
+  const Vec3<F> perpendicular = fma(u, frame.down, (F(0) - v) * frame.right);
 
   const F center = sample(image, frame.bearing);
   F gray_sum(0), gray_square(0), gray_x(0), gray_y(0);
@@ -58,7 +58,7 @@ PMSP_HD DepthEvidence<F> depth_evidence(const Cube& image, const PatchFrame<F>& 
   float spread = 0.0F;
   PMSP_ROLL
   for (int j = 0; j < kPatchSide; ++j) {
-    const Vec3<F> line = fma(F(patch_offset(j)), wrapped_pixel, frame.bearing);
+    const Vec3<F> line = fma(F(patch_offset(j)), perpendicular, frame.bearing);
     const F at_y(patch_offset(j));
     F before(0);
     for (int i = 0; i < kPatchSide; ++i) {
@@ -88,7 +88,7 @@ PMSP_HD DepthEvidence<F> depth_evidence(const Cube& image, const PatchFrame<F>& 
   const F lost = (c * sum_x * sum_x - F(2) * sum_xy * sum_x * sum_y + a * sum_y * sum_y) / (a * c - sum_xy * sum_xy);
   const F share = F(1) / max(sum, F(1));
   return {max(rest, F(0)) * F(1.0F / kPatchSamples), across * max(sum - lost, F(0)),
-          fma(share * sum_x, along, fma(share * sum_y, wrapped_pixel, frame.bearing))};
+          fma(share * sum_x, along, fma(share * sum_y, perpendicular, frame.bearing))};
 }
 
 /// Minimum error of a match: noise times sample spacing [gray levels * rad]. Errors of poses, lenses and resampling are

@@ -93,9 +93,9 @@ PMSP_HD OpenPoint<F> open_point_of(const UIntOf<F>& surfel, const UIntOf<F>& sta
 
 /// Whether pixels of another map at an open point may rank higher. `p`: the point in the other's frame.
 template <class F>
-PMSP_HD MaskOf<F> may_rank_higher(const Vec3<F>& p, const F& own_rank, const DuplicateView& other) {
+PMSP_HD MaskOf<F> may_rank_higher(const Vec3<F>& p, const F& open_rank, const DuplicateView& other) {
   constexpr float kNearer = 0.9F;  // duplicates are hardly nearer than the point
-  return rank(F(kNearer * other.map.scale * pixel_angle(other.map)) * sqrt(dot(p, p)), F(63)) <= own_rank;
+  return rank(F(kNearer * other.map.scale * pixel_angle(other.map)) * sqrt(dot(p, p)), F(63)) <= open_rank;
 }
 
 /// Projection of an open point into another keyframe.
@@ -144,7 +144,7 @@ PMSP_HD MaskOf<F> is_duplicate(const UIntOf<F>& surfel, const UIntOf<F>& status,
                                const F& open_rank, const DuplicateView& other, const DuplicateLimits& limits) {
   const F depth = depth_of_surfel<F>(surfel);
   const UIntOf<F> level = status >> 2;
-  const F own_rank = rank(F(other.map.scale * pixel_angle(other.map)) * depth, from_uint<F>(level));
+  const F other_rank = rank(F(other.map.scale * pixel_angle(other.map)) * depth, from_uint<F>(level));
   const Vec3<F> there = normal_of_surfel<F>(surfel);
   const Vec3<F> normal = F(1.0F / other.scale_ratio) * rotate(other.other_from_first, open_normal);
   const Vec3<F> apart = depth * bearing - p;
@@ -153,7 +153,8 @@ PMSP_HD MaskOf<F> is_duplicate(const UIntOf<F>& surfel, const UIntOf<F>& status,
   const F tolerance = min(F(kSameSurfaceErrors) * fma(F(other.scale_ratio), open_off.error, off.error),
                           max(F(other.scale_ratio) * open_off.max, off.max));
   // Ranks are whole numbers.
-  return (own_rank < open_rank + F(other.precedes ? 0.5F : -0.5F)) & (dot(there, normal) >= F(limits.min_cos_normals)) &
+  return (other_rank < open_rank + F(other.precedes ? 0.5F : -0.5F)) &
+         (dot(there, normal) >= F(limits.min_cos_normals)) &
          (min(abs(dot(apart, there)), abs(dot(apart, normal))) <= tolerance);
 }
 

@@ -30,7 +30,7 @@ struct SplatLandmarks {
   float radius_px;
   Keys keys;  ///< per pixel, initially kNoKey
 
-  /// Landmark i; part `part` of `parts` of its columns.
+  /// Landmark i: every `threads`-th column from the `thread`-th.
   PMSP_HD void operator()(int i, int thread, int threads) const {
     const SparsePoint point = points[i];
     const int y0 = static_cast<int>(max(0.0F, ::floorf(point.y - radius_px)));

@@ -118,7 +118,7 @@ PMSP_HD NeighbourOffset neighbour_offset(int i) {
 }
 
 /// Number of neighbours' planes tested per iteration: the better one of each opposite pair (Xu and Tao 2019).
-constexpr int kNeighbours = kNeighbourOffsets / 2;
+constexpr int kPropagatedPlanes = kNeighbourOffsets / 2;
 
 /// Candidate i. `at(offset)`: hypothesis of the neighbour.
 template <class F, class At>
@@ -235,7 +235,8 @@ struct PatchMatchPass {
   }
 
   /// Propagation and refinement. The pixel's current plane comes first, since it determines the weights of the views.
-  /// `rescore`: the planes have no valid scores yet.
+  /// `rescore`: scores are from the previous pass, with other
+  /// depth maps and priors: recompute them.
   template <class F, class Patch>
   PMSP_HD void iterate(PixelContext<F, Patch>& context, const PixelBatch<F>& batch, int iteration, bool rescore) const {
     const MaskOf<F> unmasked = is_unmasked<F>(mask, batch.index);
@@ -250,17 +251,18 @@ struct PatchMatchPass {
     const bool rescores_current = rescore || match_args.num_views >= kMinWeightedViews;
     Hypothesis<F> best = before;
     if (rescores_current) best = {{F(0), F(0), F(0)}, F(-1)};
-    PMSP_ROLL
     constexpr int kCurrentPlane = -2, kPriorPlane = -1;
-    for (int i = rescores_current ? kCurrentPlane : 0; i < kNeighbours + match_args.refinements; ++i) {
+    PMSP_ROLL
+    for (int i = rescores_current ? kCurrentPlane : 0; i < kPropagatedPlanes + match_args.refinements; ++i) {
       if (i == kPriorPlane && !rescore) continue;
       Vec3<F> plane;
       if (i < 0) {
         plane = i == kCurrentPlane ? before.plane : proposed(priors, batch);
-      } else if (i < kNeighbours) {
+      } else if (i < kPropagatedPlanes) {
         plane = neighbour_plane<F>(i, neighbour_at);
       } else {
-        plane = refined(best, as_uint<F>(batch.index), iteration, i - kNeighbours, context.frame.bearing, match_args);
+        plane =
+            refined(best, as_uint<F>(batch.index), iteration, i - kPropagatedPlanes, context.frame.bearing, match_args);
       }
       propose(best, plane, context, match_args, i == kCurrentPlane);
     }

@@ -20,7 +20,7 @@ constexpr int kMaxViews = 8;  ///< source views of one depth map
 struct PatchParams {
   float spacing;                           ///< distance of samples on the tangent plane (tangent of the angle)
   float fine_spacing;                      ///< the same for the fine patch
-  float fine_variance;                     ///< minimum variance of the fine patch [gray levels squared]
+  float fine_variance;                     ///< the fine patch is used if its variance is larger [gray levels squared]
   float min_sigma_color;                   ///< minimum standard deviation of the bilateral weights [gray levels]
   float max_sigma_color;                   ///< maximum [gray levels]
   float space_weight[kPatchSamples];       ///< exp(-r^2 / (2 sigma_space^2)), r = distance from the centre
@@ -70,7 +70,7 @@ PMSP_HD PatchFrame<F> patch_frame(const F& sin_lon, const F& cos_lon, const F& s
 }
 
 /// Standard deviation of the bilateral weights relative to the spread of the patch: the deviation from the centre that
-/// 15 of the 36 samples do not exceed. WrappedPixel a silhouette it is small and excludes the silhouette; in full
+/// 15 of the 36 samples do not exceed. Beside a silhouette it is small and excludes the silhouette; in full
 /// texture it keeps all samples. Fine patches use a smaller factor; untextured ones need the weak edges around them.
 constexpr float kSigmaPerSpread = 3.0F;
 constexpr float kFineSigmaPerSpread = 1.5F;

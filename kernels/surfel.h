@@ -16,7 +16,7 @@ enum class PointStatus : std::uint8_t {
   kDropped = 3,  ///< duplicate of a kept point
 };
 
-/// Upper 6 bits: confidence, 0 to 1, in steps of 1/63. Lower 2 bits: status.
+/// Confidence, 0 to 1, in steps of 1/63, rounded.
 template <class F>
 PMSP_HD UIntOf<F> confidence_level(const F& confidence) {
   return to_uint(fma(F(63), min(max(confidence, F(0)), F(1)), F(0.5F)));
@@ -25,6 +25,7 @@ template <class F>
 PMSP_HD F confidence_of_level(const UIntOf<F>& level) {
   return F(1.0F / 63.0F) * from_uint<F>(level);
 }
+/// Upper 6 bits: confidence_level. Lower 2 bits: status.
 template <class F>
 PMSP_HD UIntOf<F> pack_status(const F& confidence, PointStatus status) {
   return (confidence_level(confidence) << 2) | UIntOf<F>(static_cast<std::uint32_t>(status));

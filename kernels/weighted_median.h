@@ -88,8 +88,8 @@ struct WeightedMedian {
 
  private:
   /// Calls visit(sample number, pixel index, squared distance from the middle [px]).
-  template <class F, class PixelContext>
-  PMSP_HD void for_each_sample(const RowPixels<F>& at, const PixelContext& visit) const {
+  template <class F, class Visit>
+  PMSP_HD void for_each_sample(const RowPixels<F>& at, const Visit& visit) const {
     const F width(static_cast<float>(grid.width));
     const float stretch = column_stretch(grid, at.row, kMedianReach);
     PMSP_ROLL

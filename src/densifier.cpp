@@ -122,7 +122,7 @@ void Pipeline::check_complete() const {
 
 bool Pipeline::take(const Keyframe& keyframe) {
   ids_.insert(keyframe.id);
-  const std::size_t entry_index = part_ ? part_->entry_index_of(keyframe.id) : places_++;
+  const std::size_t entry_index = part_ ? part_->entry_index_of(keyframe.id) : planner_keyframes_++;
   const KeyframeUse use = part_ ? part_->entry(entry_index).use : decide_use(keyframe);
   const bool used = use <= KeyframeUse::kNoRange;
   ++stats_.keyframes_added;
@@ -150,7 +150,7 @@ void Pipeline::finish() {
   engine_->deliver(true);
   views_.clear();
   index_of_.clear();
-  dropped_ = places_;
+  dropped_ = planner_keyframes_;
   drop_entries(planner_.entries().size());
   first_ = 0;
   stats_.work_remaining = 0.0;  // removes rounding errors
@@ -306,7 +306,7 @@ void Pipeline::match(const UsedKeyframe& reference, int pass) {
     task.previous = frame_of(*entry.first_planes);
   }
   task.pass = pass;
-  task.last = pass == passes.last;
+  task.makes_final_planes = pass == passes.last;
   engine_->match(task);
 }
 
@@ -332,7 +332,7 @@ void Pipeline::release(bool last) {
     index_of_.erase(views_.front().keyframe.id);
     views_.pop_front();
   }
-  const std::size_t needed = views_.empty() ? places_ : views_.front().entry_index;
+  const std::size_t needed = views_.empty() ? planner_keyframes_ : views_.front().entry_index;
   for (; dropped_ < needed && planner_.complete() > 0; ++dropped_) drop_entries(1);
 }
 

@@ -66,7 +66,7 @@ class Engine {
     /// 0 = photometric, else geometric: starts from the map of the previous pass and is compared with those of the
     /// first `num_with_planes` neighbours. Neighbours with complete passes provide their final map.
     int pass = 0;
-    bool last = true;  ///< filtered and stored as final planes; emitted
+    bool makes_final_planes = true;  ///< filtered and stored as final planes; emitted
     bool skip_weighted_median =
         false;  ///< with `last`: another pass follows before the map is used; no weighted median filter
   };

@@ -147,12 +147,13 @@ void patchmatch(Table& table) {
       .unit("widths of the depth map")
       .range(0.25, 8)
       .paper(1);
-  PMSP_ADVANCED_OPTION(patchmatch.sigma_color, "Maximum standard deviation of the bilateral weights")
+  PMSP_ADVANCED_OPTION(patchmatch.sigma_color, "Maximum standard deviation of the gray levels in the bilateral weights")
       .unit("gray levels")
       .range(1, 1000)
       .paper(50);
-  PMSP_ADVANCED_OPTION(patchmatch.min_sigma_color,
-                       "Minimum standard deviation, where the patch is smooth; from sigma_color on it is constant")
+  PMSP_ADVANCED_OPTION(
+      patchmatch.min_sigma_color,
+      "Minimum standard deviation, where the patch is smooth; if at least sigma_color, that everywhere")
       .unit("gray levels")
       .range(1, 1000)
       .paper(50);

@@ -112,7 +112,7 @@ class Pipeline {
   std::unique_ptr<Engine> engine_;  ///< declared before the views, whose frames must not outlive it
   std::deque<UsedKeyframe> views_;
   std::unordered_map<std::int64_t, std::int64_t> index_of_;  ///< by keyframe id
-  std::size_t places_ = 0;                                   ///< keyframes passed to the planner
+  std::size_t planner_keyframes_ = 0;                        ///< keyframes passed to the planner
   std::size_t dropped_ = 0;                                  ///< released entries of the planner's plan
   std::size_t taken_ = 0;                                    ///< participating keyframes so far
   std::int64_t first_ = 0;                                   ///< index of views_.front()

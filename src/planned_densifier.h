@@ -36,14 +36,14 @@ struct PlaneReuse {
     kResult,  ///< result of this run: of an interrupted run of the same plan with the same reuses
   };
   Planes planes = Planes::kNone;
-  /// Number of passes, at most `patchmatch.geometric_passes` + 1. kStart: the last ones, all geometric; 0 = the planes
+  /// Number of passes, at most `patchmatch.geometric_passes` + 1. kStart: the last ones are run; 0 = the planes
   /// are kept. Else the first ones, at least 1: others read their result instead of that of the missing ones.
   int passes = 0;
   /// kStart: the first pass is photometric, since planes from before a pose change agree with each other.
   bool photometric_first = false;
 };
 
-/// PlaneReuses of a run of a given plan.
+/// Reuses of all keyframes in a run of a given plan.
 struct PlaneReuses {
   std::map<std::int64_t, PlaneReuse> keyframes;  ///< others are matched in all passes
   std::function<PlaneMap(std::int64_t id)>

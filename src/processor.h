@@ -9,25 +9,25 @@
 // memory and transfers; StageEngine runs the pipeline on any of them. Work runs, or is queued, in the order of the
 // calls, so that output of a stage is available to later ones, and released arrays can be reused at once.
 //
-//   ViewTypes                          view types of the stages (kernels/stage.h)
+//   ViewTypes                      view types of the stages (kernels/stage.h)
 //   Keys                           keys of pixels, for the stages of kernels/init.h
 //   Cubes                          image prepared for matching; `gray` is empty if there is none
 //   Prepared                       image of a keyframe: cubes; colours and mask in the size of the depth map
-//   kThreadsPerPriorCell                   number of threads per prior cell
+//   kThreadsPerPriorCell           number of threads per prior cell
 //   kMaskInColor                   whether the mask is stored in the colours
 //   Planes                         array of planes and scores, as a map or in checkerboard order
 //   Counts                         pixel counts of a stage
 //
 //   Queue                          FIFO of results in flight on all processors; its deliver(all) is Engine::deliver
-//   ReadyEvent                           point in the work of a processor
+//   ReadyEvent                     event: the work queued before mark() is done
 //
 //   number_of(context), number()   number of processors of an engine; index of this one
-//   mark()                         mark after all work so far
+//   mark()                         ReadyEvent after all work so far
 //   copy_from(array, count, home, made)        copy of another processor's array, which is complete from `made` on
 //   synchronize()                  waits for pending copies and releases arrays of other processors
-//   enter()                        scope of a piece of work, kept until its end
+//   enter()                        guard that makes the device of the processor current
 //   set_size(width, height)        of the depth maps; called first
-//   may_continue()                    false after Densifier::cancel
+//   limit_results_in_flight()      may deliver results; false once cancelled
 //   grid()                         of the depth maps
 //   array<T>(count), planes(), keys()          new arrays; keys are empty; planes have plane_numbers() elements
 //   map(planes), to(planes)                    views of planes, for reading and writing; empty without planes
@@ -40,7 +40,7 @@
 //   planes_of_keys(source, planes)   view of the planes of keys, possibly stored in `planes`
 //   launch(stage, counts)          runs a stage over all its pixels; `counts`: nullptr = none
 //   splat(stage, count), start(pass), iterate(pass, colour, iteration, rescore), remove_duplicates(stage, candidates)
-//                                  stages with other iteration
+//                                  stages that do not run over all pixels in row order
 //   timed(seconds, work)           runs `work` and adds the time of its launches
 //   counted(seconds, work, then)   same with work(counts); calls then(numbers) when they are available
 //   emit_depths, emit_points, emit_planes   queue results for callbacks

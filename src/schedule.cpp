@@ -37,19 +37,19 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
   add_lifetime(Artefact::kLandmarks, 0, {{0, 0}});
   add_lifetime(Artefact::kPassPlanes, stages_.front().lookahead, {{matched, reach.near}});
   const std::int64_t last_match = stages_[matched].lookahead;
-  std::vector<Lifetime::Reader> median{{filtered, reach.consistency}};
+  std::vector<Lifetime::Reader> final_plane_readers{{filtered, reach.consistency}};
   if (matched == 0 && options.advanced.init.warp_previous)
-    median.push_back({0, 1});  // planes of the only pass are warped, too
+    final_plane_readers.push_back({0, 1});  // planes of the only pass are warped, too
   if (!points) {
     add_lifetime(Artefact::kColor, 0, {{matched, 0}});
-    add_lifetime(Artefact::kFinalPlanes, last_match, std::move(median));
+    add_lifetime(Artefact::kFinalPlanes, last_match, std::move(final_plane_readers));
     add_lifetime(Artefact::kFiltered, stages_[filtered].lookahead, {{filtered, 0}});
     return;
   }
   const std::size_t fused = add(Kind::kFuse, 0, {{filtered, reach.fusion}}, 0);
   add_lifetime(Artefact::kColor, 0, {{fused, reach.fusion}, {matched, 0}});  // keyframes of a halo may not be fused
-  median.push_back({fused, reach.fusion});
-  add_lifetime(Artefact::kFinalPlanes, last_match, std::move(median));
+  final_plane_readers.push_back({fused, reach.fusion});
+  add_lifetime(Artefact::kFinalPlanes, last_match, std::move(final_plane_readers));
   add_lifetime(Artefact::kFiltered, stages_[filtered].lookahead, {{fused, reach.fusion}});
   std::size_t decided = fused;
   if (options.advanced.free_space.enabled) {

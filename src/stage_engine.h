@@ -73,7 +73,7 @@ class StageEngine final : public Engine {
   void match(const MatchTask& task) override {
     Processor& on = processor_of(*task.reference);
     [[maybe_unused]] const auto scope = on.enter();
-    if (!on.may_continue()) return;
+    if (!on.limit_results_in_flight()) return;
     StageFrame& reference = stage_frame(*task.reference);
     auto& pass_planes = reference.pass_planes[task.pass % 2];
     pass_planes.reset();
@@ -81,7 +81,7 @@ class StageEngine final : public Engine {
     const Planes priors = run_pass(task, raw, on);
     reference.matched = !cancelled();
     if (!reference.matched) return;
-    if (task.last) {
+    if (task.makes_final_planes) {
       finish_match(reference, raw, priors, task.skip_weighted_median, on);
     } else {
       pass_planes.put(std::move(raw), on.plane_numbers());
@@ -107,7 +107,7 @@ class StageEngine final : public Engine {
   void filter(Frame& frame, const std::vector<const Frame*>& others) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    if (!on.may_continue()) return;
+    if (!on.limit_results_in_flight()) return;
     StageFrame& reference = stage_frame(frame);
     const Planes planes = reference.final_planes.get();
     const bool is_wanted = context_.results.filtered_depth && reference.emits_results;
@@ -138,7 +138,7 @@ class StageEngine final : public Engine {
   void fuse(Frame& frame, const std::vector<const Frame*>& window, std::size_t current) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    if (!on.may_continue()) return;
+    if (!on.limit_results_in_flight()) return;
     StageFrame& reference = stage_frame(frame);
     struct Held {
       Planes planes;
@@ -187,7 +187,7 @@ class StageEngine final : public Engine {
   void test_free_space(Frame& frame, const std::vector<const Frame*>& viewers) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    if (!on.may_continue()) return;
+    if (!on.limit_results_in_flight()) return;
     StageFrame& reference = stage_frame(frame);
     const auto surfels = reference.surfels.get();
     const auto details = reference.details.get();
@@ -229,7 +229,7 @@ class StageEngine final : public Engine {
   void remove_duplicates(Frame& frame, const std::vector<const Frame*>& others, int round) override {
     Processor& on = processor_of(frame);
     [[maybe_unused]] const auto scope = on.enter();
-    if (!on.may_continue()) return;
+    if (!on.limit_results_in_flight()) return;
     StageFrame& reference = stage_frame(frame);
     struct Held {
       Array<std::uint32_t> surfels;
@@ -444,7 +444,7 @@ class StageEngine final : public Engine {
                           on.map(sources.previous_pass), pass.match_args.reference, reference.noise, reference.evidence,
                           pass.match_args.limits, on.to(sources.priors));
         pass.priors = on.map(sources.priors);
-        if (task.last && !task.skip_weighted_median) reference.evidence = {};
+        if (task.makes_final_planes && !task.skip_weighted_median) reference.evidence = {};
       }
     });
     on.timed(stats.seconds_patchmatch, [&] {

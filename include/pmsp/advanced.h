@@ -49,7 +49,7 @@ struct PMSP_API PatchMatchOptions {
   double image_scale = 2.0;
   double sigma_color = 20.0;  ///< maximum standard deviation of the bilateral weights [gray levels], 1 to 1000
   /// Minimum standard deviation, where the patch is smooth, so that foreground edges do not dominate [gray levels], 1
-  /// to 1000; from sigma_color on it is constant.
+  /// to 1000; if at least sigma_color, the deviation is sigma_color everywhere.
   double min_sigma_color = 4.0;
   /// Adds prior planes to the hypotheses of untextured pixels before each geometric pass, with a score bonus; see
   /// plane_priors (pmsp/stages.h).

@@ -59,7 +59,7 @@ struct LiveImage {
   PixelFormat format = PixelFormat::kRgb;
 };
 
-/// State of a keyframe, in frames and units of Keyframe. Image, prior depth, pose error: ignored for known ones.
+/// State of a keyframe, in frames and units of Keyframe. Image, prior depth, pose error: ignored in updates.
 struct LiveKeyframe {
   std::int64_t id = 0;
   RigidTransform cam_from_world;
@@ -144,7 +144,7 @@ struct LiveBacklog {
 
 /// Called on a worker thread. May call all members except `wait` and the destructor; exceptions count as errors.
 struct LiveCallbacks {
-  std::function<void(LiveVersion)> changed;          ///< version with new points; not for updates of poses
+  std::function<void(LiveVersion)> changed;          ///< new points, or dropped previews; not for updates of poses
   std::function<void(const std::string&)> on_error;  ///< error message, with the keyframe or device concerned
 };
 

@@ -182,7 +182,7 @@ struct CloudPoint {
 /// Points of a keyframe in its camera frame: after pose updates only `transform_points` is needed, no matching.
 struct KeyframeCloud {
   std::int64_t keyframe_id = 0;
-  RigidTransform cam_from_world;  ///< pose when the keyframe was added
+  RigidTransform cam_from_world;  ///< pose when the points were computed; of a Densifier, when the keyframe was added
   std::vector<CloudPoint> points;
   double scale = 1.0;  ///< unit of `points` in map units, see KeyframePose
   KeyframePose pose() const { return {cam_from_world, scale}; }

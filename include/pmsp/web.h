@@ -22,11 +22,12 @@ struct HttpOptions {
   std::uint16_t port = 0;  ///< 0 = any free port
   /// Maximum number; a further one replaces a connection without token, or is refused.
   std::size_t connections = 64;
-  std::size_t header_bytes = 8192;                      ///< maximum size of request headers
-  std::chrono::milliseconds for_headers{10'000};        ///< timeout for a request
-  std::chrono::milliseconds for_chunk{20'000};          ///< timeout for the transfer of 64 KiB
-  std::chrono::milliseconds long_poll_timeout{10'000};  ///< maximum hold time of requests for changes (long polling)
-  int nice = 0;                                         ///< niceness added to its thread
+  std::size_t header_bytes = 8192;                ///< maximum size of request headers
+  std::chrono::milliseconds for_headers{10'000};  ///< timeout for a request
+  std::chrono::milliseconds for_chunk{20'000};    ///< timeout for the transfer of 64 KiB
+  std::chrono::milliseconds long_poll_timeout{
+      10'000};   ///< hold time of requests for changes, less than the page's 30 s
+  int nice = 0;  ///< niceness added to its thread
 };
 
 /// Source of a live map, as the members of LiveDensifier. Called on the thread of the server.

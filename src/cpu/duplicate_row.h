@@ -40,7 +40,7 @@ class DuplicateChunk {
       store(open_point.normal.y, normal_[1] + i);
       store(open_point.normal.z, normal_[2] + i);
       store(open_point.off.error, error_ + i);
-      store(open_point.off.max, most_ + i);
+      store(open_point.off.max, max_off_ + i);
       store(open_point.reach, reach_ + i);
       store(open_point.rank, rank_ + i);
     }
@@ -55,24 +55,24 @@ class DuplicateChunk {
     const kernels::DuplicateView& other = stage_.others[k];
     int near = 0;
     for (int i = 0; i < count; i += kLanes) {
-      IntOf<F> open_point;
-      load(open_point, list + i);
-      const auto p = kernels::transform(other.other_from_first, gathered(point_, open_point));
-      near += append(filled(i, count) & kernels::may_rank_higher(p, kernels::gather<F>(rank_, open_point), other),
-                     open_point, near_ + near);
+      IntOf<F> open_index;
+      load(open_index, list + i);
+      const auto p = kernels::transform(other.other_from_first, gathered(point_, open_index));
+      near += append(filled(i, count) & kernels::may_rank_higher(p, kernels::gather<F>(rank_, open_index), other),
+                     open_index, near_ + near);
     }
     int found = 0;
     int multiple = 0;
     for (int i = 0; i < near; i += kLanes) {
-      IntOf<F> open_point;
-      load(open_point, near_ + i);
-      const auto p = kernels::transform(other.other_from_first, gathered(point_, open_point));
-      const kernels::SearchRegion<F> there = kernels::search_region(p, kernels::gather<F>(reach_, open_point), other);
+      IntOf<F> open_index;
+      load(open_index, near_ + i);
+      const auto p = kernels::transform(other.other_from_first, gathered(point_, open_index));
+      const kernels::SearchRegion<F> there = kernels::search_region(p, kernels::gather<F>(reach_, open_index), other);
       const kernels::PixelsInRadius<F> pixels_in_radius =
           kernels::pixels_in_radius(there, stage_.grid, other.map.width, other.map.height);
       const auto valid = filled(i, near);
       const auto single = valid & pixels_in_radius.single;
-      append(single, open_point, open_point_ + found);
+      append(single, open_index, open_index_ + found);
       append(single, pixels_in_radius.column, column_ + found);
       found += append(single, pixels_in_radius.row, row_ + found);
       if (any(pixels_in_radius.multiple)) {
@@ -80,26 +80,26 @@ class DuplicateChunk {
         append(more, there.at.x, x_ + multiple);
         append(more, there.at.y, y_ + multiple);
         append(more, there.spacing, spacing_ + multiple);
-        multiple += append(more, open_point, several_ + multiple);
+        multiple += append(more, open_index, multiple_ + multiple);
       }
     }
     int kept = 0;
     for (int i = 0; i < found; ++i) {
       const std::uint8_t status = other.map.statuses[row_[i] * other.map.width + column_[i]];
-      open_point_[kept] = open_point_[i];
+      open_index_[kept] = open_index_[i];
       column_[kept] = column_[i];
       row_[kept] = row_[i];
       status_[kept] = status;
       kept += kernels::makes_point(status) ? 1 : 0;
     }
     for (int i = 0; i < multiple; ++i) {
-      const std::int32_t open_point = several_[i];
+      const std::int32_t open_index = multiple_[i];
       kernels::for_each_within({x_[i], y_[i]}, spacing_[i], stage_.grid.cos_lat, other.map.width, other.map.height,
                                [&](int pixel) {
                                  const std::uint8_t status = other.map.statuses[pixel];
-                                 if (has_kept[open_point] != 0 || !kernels::makes_point(status)) return;
+                                 if (has_kept[open_index] != 0 || !kernels::makes_point(status)) return;
                                  if (kept == kSize) kept = compare(k, kept);
-                                 open_point_[kept] = open_point;
+                                 open_index_[kept] = open_index;
                                  row_[kept] = pixel / other.map.width;
                                  column_[kept] = pixel % other.map.width;
                                  status_[kept++] = status;
@@ -124,35 +124,34 @@ class DuplicateChunk {
             kernels::gather<F>(arrays[2], index)};
   }
 
-  /// Compares the first `count` pairs of claim and pixel. Returns 0, the number of remaining pairs.
+  /// Compares the first `count` pairs of open pixel and other pixel. Returns 0, the number of remaining pairs.
   int compare(int k, int count) {
     const kernels::DuplicateView& other = stage_.others[k];
     const std::uint32_t bit = 1U << static_cast<unsigned>(k);
     for (int i = 0; i < count; i += kLanes) {
-      IntOf<F> open_point;
+      IntOf<F> indices;
       IntOf<F> x;
       IntOf<F> y;
       UIntOf<F> status;
-      load(open_point, open_point_ + i);
+      load(indices, open_index_ + i);
       load(x, column_ + i);
       load(y, row_ + i);
       load(status, status_ + i);
-      const kernels::Vec3<F> p = kernels::transform(other.other_from_first, gathered(point_, open_point));
-      const kernels::SurfaceDistance<F> off{kernels::gather<F>(error_, open_point),
-                                            kernels::gather<F>(most_, open_point)};
+      const kernels::Vec3<F> p = kernels::transform(other.other_from_first, gathered(point_, indices));
+      const kernels::SurfaceDistance<F> off{kernels::gather<F>(error_, indices), kernels::gather<F>(max_off_, indices)};
       const UIntOf<F> surfel = kernels::gather_words<F>(other.map.surfels, IntOf<F>(y * IntOf<F>(other.map.width) + x));
       const auto is_duplicate = kernels::is_duplicate<F>(surfel, status, kernels::bearing_at<F>(stage_.grid, x, y), p,
-                                                         gathered(normal_, open_point), off,
-                                                         kernels::gather<F>(rank_, open_point), other, stage_.limits);
+                                                         gathered(normal_, indices), off,
+                                                         kernels::gather<F>(rank_, indices), other, stage_.limits);
       if (!any(is_duplicate)) continue;
       std::uint32_t duplicate_bits[kLanes];
       store(kernels::select_bits<F>(is_duplicate, UIntOf<F>(1U)), duplicate_bits);
       for (int j = 0; j < kLanes && i + j < count; ++j) {
         if (duplicate_bits[j] == 0U) continue;
-        const std::int32_t pixel = open_point_[i + j];
-        open[pixel] |= bit;
+        const std::int32_t open_index = open_index_[i + j];
+        open[open_index] |= bit;
         if ((status_[i + j] & 3U) == static_cast<std::uint32_t>(kernels::PointStatus::kKept)) {
-          has_kept[pixel] = 1;
+          has_kept[open_index] = 1;
         }
       }
     }
@@ -162,16 +161,17 @@ class DuplicateChunk {
   const kernels::DuplicateRound& stage_;
   float point_[3][kCapacity];
   float normal_[3][kCapacity];
-  float error_[kCapacity], most_[kCapacity], reach_[kCapacity], rank_[kCapacity];
-  std::int32_t near_[kCapacity] = {};  ///< claims with pixels that may rank higher; lanes beyond the last one are stale
-  std::int32_t open_point_[kCapacity] = {}, column_[kCapacity] = {}, row_[kCapacity] = {};  ///< pairs to compare
+  float error_[kCapacity], max_off_[kCapacity], reach_[kCapacity], rank_[kCapacity];
+  std::int32_t near_[kCapacity] =
+      {};  ///< open pixels with pixels that may rank higher; lanes beyond the last one are stale
+  std::int32_t open_index_[kCapacity] = {}, column_[kCapacity] = {}, row_[kCapacity] = {};  ///< pairs to compare
   std::uint32_t status_[kCapacity] = {};
-  std::int32_t several_[kCapacity];  ///< claims with several pixels within the search radius
+  std::int32_t multiple_[kCapacity];  ///< open pixels with several pixels within the search radius
   float x_[kCapacity], y_[kCapacity], spacing_[kCapacity];
 };
 
 template <class F>
-int duplicate_row(const kernels::DuplicateRound& stage, int y, const std::uint32_t* candidates, std::uint32_t there,
+int duplicate_row(const kernels::DuplicateRound& stage, int y, const std::uint32_t* candidates, std::uint32_t available,
                   std::uint32_t* remaining) {
   using Chunk = DuplicateChunk<F>;
   const int width = stage.map.width;
@@ -191,7 +191,7 @@ int duplicate_row(const kernels::DuplicateRound& stage, int y, const std::uint32
       count += kernels::status_of(before[x]) == kernels::PointStatus::kOpen ? 1 : 0;
     }
     if (count == 0) continue;
-    for (int i = 0; i < count; ++i) bits[i] = candidates == nullptr ? there : *candidates++ & there;
+    for (int i = 0; i < count; ++i) bits[i] = candidates == nullptr ? available : *candidates++ & available;
     chunk.start(y, columns, before, count);
     for (int k = 0; k < stage.count; ++k) {
       int searching = 0;

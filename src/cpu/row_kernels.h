@@ -52,8 +52,8 @@ struct RowKernels {
   /// Propagation and refinement of the pixels of one colour in row y.
   void (*iterate_row)(const PatchMatchPass& pass, int y, int colour, int iteration, bool rescore);
   /// Round of duplicate removal for the open pixels of row y. `candidates`: bits of the candidates of each, in order;
-  /// nullptr = all keyframes in `there`. `remaining`: receives the bits of the pixels that stay open. Returns their
-  /// number.
+  /// nullptr = all keyframes in `available` (bits of those with surfels). `remaining`: receives the bits of the pixels
+  /// that stay open. Returns their number.
   int (*duplicate_row)(const kernels::DuplicateRound& stage, int y, const std::uint32_t* candidates,
                        std::uint32_t available, std::uint32_t* remaining);
 };

@@ -92,7 +92,7 @@ void CudaProcessor::set_image_size(int width, int height) {
 }
 
 /// Called before each pass; limits the number of results in flight.
-bool CudaProcessor::may_continue() {
+bool CudaProcessor::limit_results_in_flight() {
   while (!cancelled() && queue_.size() > kMostPending * context_.options.devices.size()) queue_.emit_first();
   return !cancelled();
 }

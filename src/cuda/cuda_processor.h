@@ -87,7 +87,7 @@ class CudaProcessor {
 
   DeviceScope enter() const { return DeviceScope(device_number_); }
   void set_size(int width, int height);
-  bool may_continue();
+  bool limit_results_in_flight();
   const kernels::GridView& grid() const { return grid_->view(); }
 
   template <class T>

@@ -65,8 +65,9 @@ __device__ Search of_thread(const Search& search, int thread) {
            __shfl_sync(kAll, search.there.spacing, thread)}};
 }
 
-/// Searches keyframe `k` for duplicates of each thread's claim, if `searches`. Pixels crowd near the poles: instead of
-/// waiting for the few threads with points there, all threads search for each of them. Called by all threads of a warp.
+/// Searches keyframe `k` for duplicates of each thread's open pixel, if `searches`. Pixels crowd near the poles:
+/// instead of waiting for the few threads with points there, all threads search for each of them. Called by all threads
+/// of a warp.
 __device__ Duplicates search_other(const DuplicateArgs& args, bool searches, int k,
                                    const kernels::OpenPoint<float>& open_point) {
   const int thread = static_cast<int>(threadIdx.x);

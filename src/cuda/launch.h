@@ -34,7 +34,7 @@ void launch(const Stage& stage, Counts* counts, cudaStream_t stream);
 void splat_landmarks(const kernels::SplatLandmarks<DeviceKeys>& splat, int count, cudaStream_t stream);
 
 void start_pixels(const PatchMatchPass& pass, cudaStream_t stream);
-/// `rescore`: the planes have no valid scores yet.
+/// `rescore`: scores are from the previous pass: recompute them.
 void iterate_pixels(const PatchMatchPass& pass, int colour, int iteration, bool rescore, cudaStream_t stream);
 
 /// Round of duplicate removal for all pixels of a keyframe.

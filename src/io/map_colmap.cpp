@@ -8,6 +8,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -24,7 +25,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::int64_t kNoPoint = -1;
-constexpr int kSphericalForkId = 16;  ///< id of SPHERICAL in forks (2 parameters); in COLMAP EUCM (6)
+constexpr std::size_t kMaxListed = 16;  ///< maximum number of camera models in a note
+constexpr int kSphericalForkId = 16;    ///< id of SPHERICAL in forks (2 parameters); in COLMAP EUCM (6)
 constexpr int kSphere = 11;  ///< id of SPHERE in SphereSfM (3 parameters); in COLMAP RAD_TAN_THIN_PRISM_FISHEYE (16)
 /// COLMAP's models, by id.
 struct CameraModel {
@@ -53,7 +55,7 @@ constexpr std::array<CameraModel, 18> kCameraModels{{{"SIMPLE_PINHOLE", 3},
 struct Reconstruction {
   SlamMap map;
   std::map<std::uint32_t, std::optional<int>> cameras;  ///< index into map.cameras; nullopt = not equirectangular
-  std::string skipped_camera_models;                    ///< names of camera models that are not equirectangular
+  std::set<std::string> skipped_camera_models;          ///< names of camera models that are not equirectangular
   std::size_t skipped_images = 0;                       ///< number of images with such cameras
   std::size_t unnormalised = 0;                         ///< number of quaternions with a norm other than 1
 };
@@ -69,10 +71,7 @@ void add_camera(Reconstruction& model, std::uint32_t id, const std::string& came
   }
   if (!is_equirectangular(camera_model)) {
     model.cameras[id] = std::nullopt;
-    if (model.skipped_camera_models.find(camera_model) == std::string::npos &&
-        model.skipped_camera_models.size() < 200) {
-      model.skipped_camera_models += (model.skipped_camera_models.empty() ? "" : ", ") + camera_model;
-    }
+    if (model.skipped_camera_models.size() < kMaxListed) model.skipped_camera_models.insert(camera_model);
     return;
   }
   const MapCamera camera = equirectangular_camera("camera " + std::to_string(id), width, height, path, where);
@@ -282,9 +281,11 @@ SlamMap read_model(const fs::path& folder) {
   map.path = folder;
   map.format = std::string("COLMAP, ") + (text ? "text" : "binary");
   if (model.skipped_images > 0) {
+    std::string names;
+    for (const std::string& name : model.skipped_camera_models) names += (names.empty() ? "" : ", ") + name;
     map.notes.push_back(
         "images left out, of cameras that are not equirectangular: " + std::to_string(model.skipped_images) + " (" +
-        model.skipped_camera_models + "); only panoramas can be used, not views that were cut from them");
+        names + "); only panoramas can be used, not views that were cut from them");
   }
   note_unnormalised(map, model.unnormalised);
   return finalize_map(std::move(map));

@@ -18,7 +18,7 @@
 namespace pmsp::map_detail {
 namespace {
 
-constexpr int kSizeOfAny = 2048;  ///< [px]
+constexpr int kWidthIfUnknown_px = 2048;  ///< [px]
 
 std::string name_of(const MapKeyframe& keyframe) {
   return "keyframe " + std::to_string(keyframe.id) + (keyframe.image.empty() ? "" : " " + in_quotes(keyframe.image));
@@ -291,7 +291,9 @@ MapCamera equirectangular_camera(const std::string& name, double width, double h
   return {name, static_cast<int>(width), static_cast<int>(height), 0.0};
 }
 
-MapCamera equirectangular_camera_of_unknown_size() { return {"panorama of any size", kSizeOfAny, kSizeOfAny / 2, 0.0}; }
+MapCamera equirectangular_camera_of_unknown_size() {
+  return {"panorama of any size", kWidthIfUnknown_px, kWidthIfUnknown_px / 2, 0.0};
+}
 
 void number_by_image(SlamMap& map) {
   std::sort(map.keyframes.begin(), map.keyframes.end(),

@@ -38,7 +38,9 @@ class TextInput {
     if (!in_.line(line_)) return false;
     ++number_;
     if (number_ == 1 && line_.compare(0, 3, "\xEF\xBB\xBF") == 0) line_.erase(0, 3);  // byte order mark
-    while (!line_.empty() && (line_.back() == '\r' || line_.back() == ' ')) line_.pop_back();
+    while (!line_.empty() &&
+           (line_.back() == '\r' || line_.back() == ' ' || (separator_ == ' ' && line_.back() == '\t')))
+      line_.pop_back();
     left_ = line_;
     return true;
   }

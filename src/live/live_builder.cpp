@@ -342,8 +342,9 @@ void LiveBuilder::detect_moves() {
     if (node.published_passes == 0) continue;
     if (std::max(furthest(node.fused_inputs), furthest(node.tested_inputs)) > kMaxInputMove)
       invalidate(node, LiveCause::kInputs);
-    const LiveInput world_input{id, 0, KeyframePose{}, node.beyond_window ? node.beyond_window_pose : node.first_pose};
-    if (moved_angle(world_input, KeyframePose{}, node.pose, node.landmark_distance) > kMinWorldMove)
+    // The other frame is the world.
+    const LiveInput pose_then{id, 0, KeyframePose{}, node.beyond_window ? node.beyond_window_pose : node.first_pose};
+    if (moved_angle(pose_then, KeyframePose{}, node.pose, node.landmark_distance) > kMinWorldMove)
       maps_with_moves.insert(node.map_id);
   }
   for (auto& [id, node] : nodes_) {
@@ -414,10 +415,10 @@ const LiveNode* LiveBuilder::next_match() const {
              !waits;  // first points do not wait for photometric passes
     });
     if (!ready) continue;
-    const auto urgency = [&](const LiveNode& of) {
+    const auto rank = [&](const LiveNode& of) {
       return (all_at_once ? 0 : publishable_passes(of)) + (of.is_rematched && of.published_passes > 0 ? full_ : 0);
     };
-    if (best == nullptr || urgency(*node) < urgency(*best)) best = node;
+    if (best == nullptr || rank(*node) < rank(*best)) best = node;
   }
   return best;
 }

@@ -143,7 +143,7 @@ bool LiveBuilder::drop_late() {
   for (const auto& [map_id, sequence] : sequences_) {
     for (std::size_t i = 0; i < sequence.size(); ++i) {
       const LiveNode& node = nodes_.at(sequence[i]);
-      if (!node.lacks_first_pass()) continue;
+      if (!node.lacks_first_pass() || node.has_depth_map()) continue;
       ++waiting;
       if (i == 0 || i + 1 == sequence.size()) continue;
       const Eigen::Vector3d before = nodes_.at(sequence[i - 1]).pose.cam_from_world.center();

@@ -336,8 +336,11 @@ struct LiveDensifier::Impl {
 
   void enqueue(Task task) {
     task.generation = applied_generation_;
-    const std::lock_guard<std::mutex> lock(mutex_);
-    queue_.push_back(std::move(task));
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      queue_.push_back(std::move(task));
+    }
+    changed_.notify_all();
   }
 
   static LiveStats sum(LiveStats a, const LiveStats& b) {
@@ -466,7 +469,7 @@ struct LiveDensifier::Impl {
       queued_keyframes_ -= std::exchange(taken_keyframes_, 0);
       worker_stats_ = stats;
       backlog_ = backlog;
-      idle_ = idle && queue_.empty() && changes_.empty();
+      idle_ = idle && !paused_ && queue_.empty() && changes_.empty();
       is_over = idle_ && finishing_;
     }
     if (is_over) trim_heap();

@@ -31,7 +31,7 @@ inline double moved_px(const LiveInput& then, const KeyframePose& other, const K
   return moved_px({then.other, then.own}, {other, own}, distance, width);
 }
 
-/// Returns the displacement [rad], that of a translation relative to `distance`.
+/// Returns the same displacement [rad].
 inline double moved_angle(const LiveInput& then, const KeyframePose& other, const KeyframePose& own, double distance) {
   return moved_angle({then.other, then.own}, {other, own}, distance);
 }

@@ -93,7 +93,8 @@ void LiveTracker::forget_landmarks(std::int64_t id) {
   std::vector<Range>().swap(found->second.reference_ranges);
 }
 
-/// Stores the current ranges, of the landmarks of the reference state if half of them are unmoved observed.
+/// Stores the current ranges: of the landmarks of the reference state if at least half of them are still observed, else
+/// of landmarks spread evenly.
 void LiveTracker::measure_ranges(KeyframeState& state, const LiveKeyframe& keyframe) {
   state.ranges.clear();
   if (keyframe.landmarks.empty() || !state.stores_ranges) return;
@@ -110,7 +111,7 @@ void LiveTracker::measure_ranges(KeyframeState& state, const LiveKeyframe& keyfr
     seen.push_back({landmark.id, (landmark.position_world - center).norm()});
   }
   std::sort(seen.begin(), seen.end(), [](const Range& a, const Range& b) { return a.landmark < b.landmark; });
-  state.ranges = seen.size() * 2 >= state.reference_ranges.size()
+  state.ranges = !seen.empty() && seen.size() * 2 >= state.reference_ranges.size()
                      ? std::move(seen)
                      : ranges_of(keyframe.landmarks, keyframe.cam_from_world);
 }

@@ -32,7 +32,8 @@ constexpr float kFarVariance = 0.5F * 0.5F;
 /// Standard deviation of the spatial weight [px of the depth map]: about half a coarse patch.
 constexpr double kSigmaSpace_px = 5.0;
 
-/// Maximum angle between a plane's normal and the ray [deg]: beyond it, a pixel's patch covers many times its own area.
+/// Maximum angle between a plane's normal and the ray [deg]: beyond it, a pixel's patch covers many times its
+/// rescored_current area.
 constexpr double kMaxSlant_deg = 80.0;
 
 /// Score penalty for full disagreement with one source view's depth map; photometric scores span 2.
@@ -86,11 +87,11 @@ Iterations iterations_of(const PatchMatchOptions& options, int pass) {
 }
 
 int planes_tried(const PatchMatchOptions& options) {
-  constexpr int kFirst = 3, kAgain = 2;
-  const int visit = kernels::kNeighbours + options.refinements;
-  const int own = options.neighbours >= kernels::kMinWeightedViews ? 1 : 0;
-  return kFirst + options.iterations * (own + visit) +
-         options.geometric_passes * (kAgain + kGeometricIterations * visit);
+  constexpr int kInitialPlanes = 3, kRescoredPlanes = 2;
+  const int per_iteration = kernels::kPropagatedPlanes + options.refinements;
+  const int rescored_current = options.neighbours >= kernels::kMinWeightedViews ? 1 : 0;
+  return kInitialPlanes + options.iterations * (rescored_current + per_iteration) +
+         options.geometric_passes * (kRescoredPlanes + kGeometricIterations * per_iteration);
 }
 
 }  // namespace pmsp

@@ -54,8 +54,8 @@ kernels::MatchArgs<Cube> make_match_args(const Cube& reference, float noise, con
   return match_args;
 }
 
-/// Propagation and refinement of both colours, for all iterations of a pass. `rescore`: the planes have no valid
-/// scores yet. Returns early once `cancelled()`.
+/// Propagation and refinement of both colours, for all iterations of a pass. `rescore`: scores are
+/// from the previous pass, with other depth maps and priors: recompute them. Returns early once `cancelled()`.
 template <class Processor, class Pass, class Cancelled>
 void run_iterations(Processor& on, const Pass& pass, const Iterations& iterations, bool rescore,
                     const Cancelled& cancelled) {

@@ -169,17 +169,18 @@ RunHalo find_halo(const Plan& plan, const std::vector<std::int64_t>& ids, const 
 }
 
 PointsHalo::PointsHalo(const Plan& plan, const DensifierOptions& options) : plan_(plan), options_(options) {
-  for (std::size_t place = 0; place < plan.entries.size(); ++place) places_.emplace(plan.entries[place].id, place);
+  for (std::size_t place = 0; place < plan.entries.size(); ++place)
+    entry_index_by_id_.emplace(plan.entries[place].id, place);
 }
 
 std::vector<std::int64_t> PointsHalo::planes_of(std::int64_t id) const {
   using Places = std::set<std::size_t>;
   const auto follow = [&](const Places& from, std::vector<std::int64_t> PlanEntry::*list, Places& to) {
     for (const std::size_t place : from) {
-      for (const std::int64_t named : plan_.entries[place].*list) to.insert(places_.at(named));
+      for (const std::int64_t named : plan_.entries[place].*list) to.insert(entry_index_by_id_.at(named));
     }
   };
-  Places made{places_.at(id)};
+  Places made{entry_index_by_id_.at(id)};
   for (int round = duplicate_rounds(options_); round > 0; --round) {
     const Places asking = made;
     follow(asking, &PlanEntry::duplicate_views, made);

@@ -36,12 +36,12 @@ class PMSP_API PointsHalo {
 
   /// Returns keyframes in the order of the plan, including `id`, which must have a depth map.
   std::vector<std::int64_t> planes_of(std::int64_t id) const;
-  const PlanEntry& entry(std::int64_t id) const { return plan_.entries[places_.at(id)]; }
+  const PlanEntry& entry(std::int64_t id) const { return plan_.entries[entry_index_by_id_.at(id)]; }
 
  private:
   const Plan& plan_;
   const DensifierOptions& options_;
-  std::unordered_map<std::int64_t, std::size_t> places_;
+  std::unordered_map<std::int64_t, std::size_t> entry_index_by_id_;
 };
 
 /// Passes of a keyframe, from the first to the last one; none if last < first.

@@ -15,7 +15,7 @@ PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const
     : plan_(plan), planned_stages_(plan.entries.size()) {
   check_plan(plan, options);
   for (std::size_t entry_index = 0; entry_index < plan.entries.size(); ++entry_index)
-    places_.emplace(plan.entries[entry_index].id, entry_index);
+    entry_index_by_id_.emplace(plan.entries[entry_index].id, entry_index);
   for (const auto& [id, reuse] : reuses) {
     const int fewest = reuse.planes == PlaneReuse::Planes::kStart ? 0 : 1;
     const int most = options.advanced.patchmatch.geometric_passes + (fewest == 0 ? 0 : 1);
@@ -32,7 +32,7 @@ PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const
     if (is_part && reuses.empty()) check_chain(options);  // planes of an earlier run end the chain
   }
   const auto each = [&](const std::vector<std::int64_t>& named, const auto& mark) {
-    for (const std::int64_t id : named) mark(planned_stages_[places_.at(id)]);
+    for (const std::int64_t id : named) mark(planned_stages_[entry_index_by_id_.at(id)]);
   };
   each(halo.images, [](PlannedStages& way) { way.takes_part = true; });
   for (std::size_t pass = 0; pass < halo.planes.size(); ++pass) {
@@ -47,8 +47,8 @@ PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const
 }
 
 std::size_t PlanPart::entry_index_of(std::int64_t id) const {
-  const auto found = places_.find(id);
-  if (found == places_.end()) throw InvalidInput("the plan has no keyframe " + std::to_string(id));
+  const auto found = entry_index_by_id_.find(id);
+  if (found == entry_index_by_id_.end()) throw InvalidInput("the plan has no keyframe " + std::to_string(id));
   return found->second;
 }
 

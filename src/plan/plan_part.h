@@ -53,8 +53,8 @@ class PlanPart {
   };
 
   Plan plan_;
-  std::unordered_map<std::int64_t, std::size_t> places_;  ///< by id
-  std::vector<PlannedStages> planned_stages_;             ///< by entry index
+  std::unordered_map<std::int64_t, std::size_t> entry_index_by_id_;  ///< by id
+  std::vector<PlannedStages> planned_stages_;                        ///< by entry index
   std::vector<std::size_t> taking_part_;
 };
 

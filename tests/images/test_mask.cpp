@@ -123,12 +123,12 @@ TEST_CASE("A directory holds a mask per image under COLMAP's names or another ex
   CHECK(source.mask_for(images / "left/3.jpg", 64, 32)(3, 0) == 0);
   CHECK(source.mask_for(images / "left/3.jpg", 32, 16)(1, 0) == 0);  // in the image's size
   CHECK(source.mask_for(images / "2.jpg", 64, 32).empty());
-  const MaskSummary summary = source.look({images / "1.jpg", images / "2.jpg", images / "left/3.jpg"}, 64, 32);
+  const MaskSummary summary = source.summarise({images / "1.jpg", images / "2.jpg", images / "left/3.jpg"}, 64, 32);
   CHECK(summary.in_folder == 2);
   CHECK(summary.images == 3);
   CHECK(summary.unmatched.empty());
-  CHECK(source.look({images / "1.jpg"}, 64, 32).unmatched == std::vector{masks / "left/3.png"});
-  CHECK_THROWS_WITH(source.look({images / "2.jpg"}, 64, 32), Contains("2.jpg.png") && Contains("2_mask.png"));
+  CHECK(source.summarise({images / "1.jpg"}, 64, 32).unmatched == std::vector{masks / "left/3.png"});
+  CHECK_THROWS_WITH(source.summarise({images / "2.jpg"}, 64, 32), Contains("2.jpg.png") && Contains("2_mask.png"));
   CHECK(MaskSource({images.path(), images.path(), 0.0}).file_for(images / "1.png").empty());
 }
 
@@ -157,7 +157,7 @@ TEST_CASE("A cap at the zenith is ignored") {
   CHECK(mask(0, 27) == 255);
   CHECK(mask(0, 28) == 0);
   CHECK(
-      MaskSource({{}, {}, 22.5, 45.0}).look({"any.jpg"}, 640, 320).hidden ==
+      MaskSource({{}, {}, 22.5, 45.0}).summarise({"any.jpg"}, 640, 320).hidden ==
       Approx(1.0 - 0.5 * (std::cos(45.0 / 180.0 * kernels::kPi) + std::cos(22.5 / 180.0 * kernels::kPi))).margin(1e-3));
 }
 
@@ -227,7 +227,7 @@ TEST_CASE("Masks beside the images are found unless disabled") {
   CHECK(source.file_for(images / "left/3.jpg") == std::filesystem::absolute(mission / "masks/left/3.jpg.png"));
   CHECK(source.file_for(images / "4.jpg").empty());
   const MaskSummary summary =
-      source.look({images / "1.jpg", images / "2.jpg", images / "left/3.jpg", images / "4.jpg"}, 64, 32);
+      source.summarise({images / "1.jpg", images / "2.jpg", images / "left/3.jpg", images / "4.jpg"}, 64, 32);
   CHECK(summary.named == 1);
   CHECK(summary.named_missing == 1);
   CHECK(summary.first_missing == mission / "named/4.png");
@@ -255,12 +255,12 @@ TEST_CASE("Transparent pixels of an image are ignored in addition to a mask") {
     CHECK(mask(0, 30) == 0);
     CHECK(mask(0, 29) == 255);
     CHECK(mask(5, 2) == 0);
-    CHECK(source.look({folder / name}, 64, 32).with_alpha == 1);
+    CHECK(source.summarise({folder / name}, 64, 32).with_alpha == 1);
     CHECK(MaskSource({{}, folder.path(), 0.0, 0.0, false}).mask_for(folder / name, 64, 32).empty());
     cv::imwrite((folder / name).string(), cv::Mat(32, 64, CV_8UC4, cv::Scalar(10, 120, 200, 255)));
     MaskSource opaque({{}, folder.path()});
     CHECK(opaque.mask_for(folder / name, 64, 32).empty());
-    CHECK(opaque.look({folder / name}, 64, 32).with_alpha == 0);
+    CHECK(opaque.summarise({folder / name}, 64, 32).with_alpha == 0);
   }
 }
 
@@ -269,14 +269,14 @@ TEST_CASE("The masked share is measured by solid angle") {
   cv::Mat mask(320, 640, CV_8UC1, cv::Scalar(0));
   mask(cv::Rect(0, 0, 640, 80)) = cv::Scalar(255);
   cv::imwrite((folder / "mask.png").string(), mask);
-  const MaskSummary summary = MaskSource({folder / "mask.png", {}}).look({"1.jpg", "2.jpg"}, 640, 320);
+  const MaskSummary summary = MaskSource({folder / "mask.png", {}}).summarise({"1.jpg", "2.jpg"}, 640, 320);
   CHECK(summary.hidden == Approx(0.5 + 0.5 * std::sqrt(0.5)).margin(1e-3));
   CHECK(summary.hidden_by_files == Approx(summary.hidden));
   CHECK(summary.first == folder / "mask.png");
   cv::imwrite((folder / "red.png").string(), cv::Mat(320, 640, CV_8UC3, cv::Scalar(0, 0, 255)));
   MaskSource red({folder / "red.png", {}, 20.0});
-  CHECK(red.look({"1.jpg"}, 640, 320).hidden_by_files == 0.0);
-  CHECK(red.look({"1.jpg"}, 640, 320).colours == "100 % #ff0000");
+  CHECK(red.summarise({"1.jpg"}, 640, 320).hidden_by_files == 0.0);
+  CHECK(red.summarise({"1.jpg"}, 640, 320).colours == "100 % #ff0000");
 }
 
 TEST_CASE("Rectangles of the SLAM's configuration are ignored in any notation") {
