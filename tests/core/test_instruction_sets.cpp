@@ -138,7 +138,7 @@ bool same(const Results& a, const Results& b) {
 /// Scalar rows with fused multiply-adds, on any machine.
 Results fused_scalar(const synth::Mission& mission) {
   const Executor executor(1, Simd::kScalar);
-  inside(executor).rows = cpu::row_kernels<fused::Float>();
+  impl_of(executor).rows = cpu::row_kernels<fused::Float>();
   return run_all(mission, executor);
 }
 

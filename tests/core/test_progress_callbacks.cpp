@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include "core/small_missions.h"
+#include "plan/missions.h"
 #include "planned_densifier.h"
 
 using namespace pmsp;

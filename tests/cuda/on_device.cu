@@ -198,7 +198,7 @@ Both patch_scores(const Scoring<kernels::CubeView>& scoring) {
   on_device_too(device.match_args.reference);
   for (int i = 0; i < device.match_args.num_views; ++i) {
     on_device_too(device.match_args.views[i].image);
-    on_device_too(device.match_args.views[i].usable);
+    on_device_too(device.match_args.views[i].matchable);
   }
   const int count = scoring.width * scoring.height;
   return {PatchScores<kernels::CubeView>::kValues, on_host(body_of(scoring), count), on_device(body_of(device), count)};

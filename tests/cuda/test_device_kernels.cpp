@@ -46,10 +46,10 @@ struct Match {
   Scoring<Cube> scoring(const Image& image_of) const {
     const Cube reference = image_of(1);
     Scoring<Cube> scoring;
-    scoring.matching = make_match_args<Cube>(reference, 0.0F, PatchMatchOptions{}, mission.width, {0.5, 8.0}, 1, 1);
+    scoring.match_args = make_match_args<Cube>(reference, 0.0F, PatchMatchOptions{}, mission.width, {0.5, 8.0}, 1, 1);
     const RigidTransform world_from_ref = mission.frames[1].cam_from_world.inverse();
     for (const std::size_t i : {std::size_t{0}, std::size_t{2}}) {
-      auto& view = scoring.matching.views[scoring.matching.num_views++];
+      auto& view = scoring.match_args.views[scoring.match_args.num_views++];
       view.image = image_of(i);
       view.view_from_ref = to_rigid(mission.frames[i].cam_from_world * world_from_ref);
     }
@@ -60,8 +60,8 @@ struct Match {
   }
 
   Scoring<kernels::CubeView> scoring_of_quads() const {
-    auto result = scoring<kernels::CubeView>([&](std::size_t i) { return inside(panoramas[i]).gray.view(); });
-    result.elements = inside(panoramas[0]).gray.quads.size();
+    auto result = scoring<kernels::CubeView>([&](std::size_t i) { return impl_of(panoramas[i]).gray.view(); });
+    result.elements = impl_of(panoramas[0]).gray.quads.size();
     return result;
   }
 };
@@ -102,7 +102,7 @@ TEST_CASE("maps agree alike on host and device", "[cuda][kernels][small]") {
 
 TEST_CASE("a packed cube gives the same samples on host and device", "[cuda][kernels][small]") {
   const Match match(128);
-  const CubeMap& cube = inside(match.panoramas[0]).gray;
+  const CubeMap& cube = impl_of(match.panoramas[0]).gray;
   const Both found = cube_samples(cube.view(), cube.quads.size(), kCount);
   CHECK(differing(found, 0, 0.01) < kCount / 1000);  // directions between two faces
   CHECK(differing(found, 0, 0.2) == 0);

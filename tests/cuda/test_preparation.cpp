@@ -119,7 +119,7 @@ TEST_CASE("gray values on the cube equal the CPU's", "[cuda][prepare][small]") {
   const PreparedOnDevice device = prepare_on_device(image, {}, 512, 256);
   const std::vector<float> directions = random_directions(20000);
   const std::vector<float> found = texture_samples({device.cube->texture()}, directions);
-  const kernels::CubeView cube = inside(cpu).gray.view();
+  const kernels::CubeView cube = impl_of(cpu).gray.view();
   double sum = 0.0;
   double mean = 0.0;
   double variance = 0.0;
@@ -146,7 +146,7 @@ TEST_CASE("patches keep the same distance from the mask as on the CPU", "[cuda][
   const PreparedOnDevice device = prepare_on_device(image, mask.view(), 256, 128);
   const std::vector<float> directions = random_directions(20000);
   const std::vector<float> found = texture_samples({device.usable->texture()}, directions);
-  const kernels::CubeView cube = inside(cpu).matchable.view();
+  const kernels::CubeView cube = impl_of(cpu).matchable.view();
   std::size_t different = 0;
   std::size_t forbidden = 0;
   for (std::size_t i = 0; i < found.size(); ++i) {

@@ -342,9 +342,9 @@ TEST_CASE("score: a masked source view gives exactly -1") {
     const Sample& sample = room().samples[i];
     Source view = room().view(2);
     const float open = score(sample, {view});
-    view.usable = all.view();
+    view.matchable = all.view();
     REQUIRE(score(sample, {view}) == open);
-    view.usable = none.view();
+    view.matchable = none.view();
     REQUIRE(score(sample, {view}) == -1.0F);
   }
 }
@@ -360,8 +360,8 @@ TEST_CASE("reference patch: weights sum to 1, contrast is centred and has unit v
     for (int n = 0; n < k::kPatchSamples; ++n) {
       REQUIRE(patch.weight(n) >= 0.0F);
       weights += patch.weight(n);
-      sum += patch.contrast(n);
-      square += static_cast<double>(patch.contrast(n)) * patch.contrast(n) / patch.weight(n);
+      sum += patch.value(n);
+      square += static_cast<double>(patch.value(n)) * patch.value(n) / patch.weight(n);
     }
     REQUIRE(weights == Approx(1.0).epsilon(1e-5));
     REQUIRE(std::fabs(sum) < 1e-4);
@@ -397,7 +397,7 @@ TEST_CASE("bilateral weights: pixels beyond a silhouette have no weight and text
   }
   CHECK(sigma(smooth, params) == Approx(4.0));
   CHECK(sigma(textured, params) == Approx(20.0));
-  for (double& value : smooth.contrasts) value *= 3.0;  // in between it grows with the spread
+  for (double& value : smooth.values) value *= 3.0;  // in between it grows with the spread
   CHECK(sigma(smooth, params) > 4.5);
   CHECK(sigma(smooth, params) < 15.0);
   CHECK(sigma(smooth, params, true) < 0.7 * sigma(smooth, params));

@@ -98,13 +98,13 @@ TEST_CASE("plane priors: a cell takes the plane of another cell with more inlier
   std::vector<k::PriorPlane> before(kColumns * kRows, {{0.0F, 0.0F, 0.0F}, 0, 16.0F});
   std::vector<k::PriorPlane> found = before;
   k::PriorCells<k::HostViewTypes> cells = cells_with(kColumns, kRows, around);
-  cells.before = before.data();
+  cells.previous = before.data();
   cells.found = found.data();
-  cells.shares = GENERATE(1, 4, 16);
-  std::vector<k::PriorPlane> candidates(static_cast<std::size_t>(cells.shares * kColumns * kRows));
+  cells.threads = GENERATE(1, 4, 16);
+  std::vector<k::PriorPlane> candidates(static_cast<std::size_t>(cells.threads * kColumns * kRows));
   cells.candidates = candidates.data();
   const auto choose = [&](int column, int row) {
-    for (int share = 0; share < cells.shares; ++share) k::try_adopted(cells, column, row, share);
+    for (int share = 0; share < cells.threads; ++share) k::try_adopted(cells, column, row, share);
     k::choose_plane(cells, column, row);
   };
   const auto at = [](int column, int row) { return static_cast<std::size_t>(row * kColumns + column); };
@@ -154,7 +154,7 @@ TEST_CASE("plane priors: the best plane through three supports is found for any 
   for (const int shares : {1, 5, 16}) {
     CAPTURE(shares);
     std::vector<k::PriorPlane> candidates(static_cast<std::size_t>(shares));
-    cells.shares = shares;
+    cells.threads = shares;
     cells.candidates = candidates.data();
     for (int share = 0; share < shares; ++share) k::try_planes(cells, 0, 0, share);
     const auto found = std::min_element(candidates.begin(), candidates.end(),
@@ -173,7 +173,7 @@ TEST_CASE("plane priors: given planes are corrected by the supports around unles
   std::vector<k::NearestSupports> around(kColumns * kRows);
   std::vector<Vec3<float>> external(kColumns * kRows);
   k::PriorCells<k::HostViewTypes> cells = cells_with(kColumns, kRows, around);
-  cells.external = external.data();
+  cells.prior_depth_planes = external.data();
   around[kCell] = around_ahead([](int) { return 4.0F; });
   const auto give = [&](const Vec3<float>& plane) { std::fill(external.begin(), external.end(), plane); };
 
@@ -187,7 +187,7 @@ TEST_CASE("plane priors: given planes are corrected by the supports around unles
   // The plane that lies on the supports, where there are enough of them.
   std::vector<k::PriorPlane> none(kColumns * kRows, {{0.0F, 0.0F, 0.0F}, 0, 16.0F});
   std::vector<k::PriorPlane> found = none;
-  cells.before = none.data();
+  cells.previous = none.data();
   cells.found = found.data();
   cells.stride = 1;
   k::choose_plane(cells, kColumn, kRow);

@@ -33,7 +33,7 @@ TEST_CASE("a point is transformed between the lenses that see it in two keyframe
     const double lens = 0.02;
     KeyframePose first{draws.transform(kernels::kPi, 1.0), 1.3};
     KeyframePose other{draws.transform(kernels::kPi, 1.0), 0.8};
-    const RelativePose relation = pmsp::relation(other, first, lens);
+    const RelativePose relation = pmsp::relative_pose(other, first, lens);
     const Eigen::Vector3d in_first = 3.0 * direction(draws);  // camera's frame, its unit
     const Eigen::Vector3d in_other = other_from_first(other, first) * in_first;
     if (std::abs(in_first.z()) < 0.1 || std::abs(in_other.z()) < 0.1) continue;  // which lens is plain
@@ -77,7 +77,7 @@ TEST_CASE("without a lens distance results are bit-identical") {
   for (int i = 0; i < 50; ++i) {
     const KeyframePose first{draws.transform(kernels::kPi, 1.0), 1.0};
     const KeyframePose other{draws.transform(kernels::kPi, 1.0), 1.0};
-    const kernels::Rigid rigid = relation(other, first).other_from_first;
+    const kernels::Rigid rigid = relative_pose(other, first).other_from_first;
     const kernels::Vec3<float> point = to_vec3((3.0 * direction(draws)).cast<float>());
     const kernels::Vec3<float> plain = kernels::rotate(rigid, point) + kernels::translation<float>(rigid);
     const kernels::Vec3<float> found = kernels::transform(rigid, point);

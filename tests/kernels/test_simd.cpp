@@ -52,7 +52,7 @@ struct GuardedMap {
 template <class Stage>
 void run_rows(Simd simd, const Stage& stage) {
   const Executor executor(1, simd);
-  inside(executor).run(stage);
+  impl_of(executor).run(stage);
 }
 
 /// Whether the median filter keeps each pixel: 1 or 0, and the memory behind them.
@@ -155,7 +155,7 @@ std::vector<float> compare(Simd simd, const CompareInput& input) {
   stage.grid = input.grid.view();
   stage.others[0] = {other, input.other_from_first};
   stage.count = 1;
-  stage.wanted = 1;
+  stage.min_agreeing = 1;
   stage.tolerance = 0.5F;
   stage.confidence = confidence.data();
   run_rows(simd, stage);

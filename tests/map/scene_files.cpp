@@ -12,8 +12,8 @@
 #include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
 
-#include "map_files.h"
 #include "pmsp/camera.h"
+#include "support/temp_dir.h"
 
 namespace pmsp::test {
 namespace {
@@ -37,7 +37,7 @@ std::string number(double value) {
 
 void write(const fs::path& path, const std::string& bytes) {
   fs::create_directories(path.parent_path());
-  write_file(path, bytes);
+  pmsp_test::write_text(path, bytes);
 }
 
 json vector_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
