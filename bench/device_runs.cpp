@@ -121,7 +121,8 @@ double nominal_samples(const DensifierOptions& options) {
   int hypotheses = 0;  // per pixel
   for (int pass = 0; pass <= patchmatch.geometric_passes; ++pass) {
     const int starts = pass == 0 ? 1 + candidates : 1;
-    hypotheses += starts + iterations_of(patchmatch, pass).count * (kernels::kPropagatedPlanes + patchmatch.refinements);
+    hypotheses +=
+        starts + iterations_of(patchmatch, pass).count * (kernels::kPropagatedPlanes + patchmatch.refinements);
   }
   const double pixels = static_cast<double>(options.width) * options.height;
   return pixels * hypotheses * patchmatch.neighbours * kernels::kPatchSamples;
