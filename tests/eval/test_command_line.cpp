@@ -334,7 +334,7 @@ TEST_CASE("a cloud as LAS has the figures of the same cloud as PLY") {
 TEST_CASE("align writes the map's keyframes") {
   Mission m;
   REQUIRE(m.run("align --map map.msg --write-trajectory plain.txt") == 0);
-  const auto plain = read_trajectory(m.folder / "plain.txt");
+  const auto plain = read_tum(m.folder / "plain.txt");
   const auto expected = m.flight.keyframes();
   REQUIRE(plain.size() == expected.size());
   for (std::size_t i = 0; i < plain.size(); ++i) {
@@ -342,7 +342,7 @@ TEST_CASE("align writes the map's keyframes") {
     CHECK((plain[i].world_from_cam.rotation - expected[i].world_from_cam.rotation).norm() < 1e-9);
   }
   REQUIRE(m.run("align --map map.msg --gt gt --time-offset=-1763660000.25 --write-trajectory a.txt --aligned") == 0);
-  const auto aligned = read_trajectory(m.folder / "a.txt");
+  const auto aligned = read_tum(m.folder / "a.txt");
   for (std::size_t i = 0; i < aligned.size(); ++i) {
     CHECK((aligned[i].world_from_cam.translation - m.flight.truth()[i].world_from_cam.translation).norm() < 1e-6);
   }

@@ -16,6 +16,7 @@
 #include "pmsp-eval/statistics.h"
 #include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
+#include "pmsp/io/map.h"
 #include "util/numbered_name.h"
 
 namespace pmsp::eval {
@@ -24,7 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 
 std::vector<TimedPose> read_keyframes(const CommonArguments& common) {
-  return read_trajectory(common.map.empty() ? common.trajectory : common.map);
+  return common.map.empty() ? read_tum(common.trajectory) : trajectory_of(read_map(common.map));
 }
 
 /// Reads positions only, to save memory.

@@ -40,7 +40,14 @@ int row_at(const std::vector<TimedPose>& trajectory, double time) {
 
 std::vector<TimedPose> read_true_trajectory(const fs::path& folder) {
   if (!fs::is_directory(folder)) throw IoError(folder.string() + ": no such directory of ground truth");
-  return read_trajectory(folder / "traj_tum.txt");
+  const fs::path path = folder / "traj_tum.txt";
+  std::vector<TimedPose> trajectory = read_tum(path);
+  for (std::size_t i = 1; i < trajectory.size(); ++i) {
+    if (trajectory[i].timestamp < trajectory[i - 1].timestamp) {
+      throw InvalidInput(path.string() + ": pose " + std::to_string(i) + " is earlier than the one before it");
+    }
+  }
+  return trajectory;
 }
 
 GroundTruth::GroundTruth(const fs::path& folder, double fps)

@@ -29,8 +29,8 @@ class GroundTruth {
     std::filesystem::path path;
   };
 
-  /// Lists the folder; images are read by `load`. Throws IoError; InvalidInput without range maps, or for a
-  /// range map without pose.
+  /// Lists the folder; images are read by `load`. Throws IoError; InvalidInput without range maps, for a range map
+  /// without pose, or if the trajectory is not ascending in time.
   GroundTruth(const std::filesystem::path& folder, double fps);
 
   const std::vector<TimedPose>& trajectory() const { return trajectory_; }
