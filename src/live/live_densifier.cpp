@@ -88,7 +88,7 @@ struct LiveDensifier::Impl {
         if (builder_) backend_ = builder_->backend();
       }
       changed_.notify_all();
-      if (builder_) work(builder_);
+      if (builder_) work();
     });
     {
       std::unique_lock<std::mutex> lock(mutex_);
@@ -115,12 +115,14 @@ struct LiveDensifier::Impl {
 
   void add(LiveKeyframe keyframe) {
     check_state(keyframe);
-    std::vector<LiveKeyframe> states;
-    states.push_back(state_of(keyframe));  // copied outside the lock
     post([&] {
-      if (knows(keyframe.id)) return move(std::move(states));
-      check_image_of(keyframe);
-      queue_new(std::move(keyframe));
+      if (!knows(keyframe.id)) {
+        check_image_of(keyframe);
+        return queue_new(std::move(keyframe));
+      }
+      std::vector<LiveKeyframe> states;
+      states.push_back(state_of(keyframe, std::move(keyframe.landmarks)));
+      move(std::move(states));
     });
   }
 
@@ -234,13 +236,13 @@ struct LiveDensifier::Impl {
 
   void check_image_of(const LiveKeyframe& keyframe) const { check_image(keyframe, options_.mask.get()); }
 
-  /// Returns a copy without images.
-  static LiveKeyframe state_of(const LiveKeyframe& keyframe) {
+  /// Returns pose and map of a keyframe with `landmarks`, without images.
+  static LiveKeyframe state_of(const LiveKeyframe& keyframe, std::vector<Landmark> landmarks) {
     LiveKeyframe state;
     state.id = keyframe.id;
     state.map_id = keyframe.map_id;
     state.cam_from_world = keyframe.cam_from_world;
-    state.landmarks = keyframe.landmarks;
+    state.landmarks = std::move(landmarks);
     return state;
   }
 
@@ -250,7 +252,7 @@ struct LiveDensifier::Impl {
     states.reserve(keyframes.size());
     for (const LiveKeyframe& keyframe : keyframes) {
       check_state(keyframe);
-      states.push_back(state_of(keyframe));
+      states.push_back(state_of(keyframe, keyframe.landmarks));
     }
     return states;
   }
@@ -330,17 +332,17 @@ struct LiveDensifier::Impl {
       applied_generation_ = generation_;
     }
     for (Change& change : changes) change();
-    const std::lock_guard<std::mutex> lock(mutex_);
-    stats_.rescaled = tracker_.rescaled();
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      stats_.rescaled = tracker_.rescaled();
+    }
+    if (!changes.empty()) changed_.notify_all();  // the worker, of tasks
   }
 
   void enqueue(Task task) {
     task.generation = applied_generation_;
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      queue_.push_back(std::move(task));
-    }
-    changed_.notify_all();
+    const std::lock_guard<std::mutex> lock(mutex_);
+    queue_.push_back(std::move(task));
   }
 
   static LiveStats sum(LiveStats a, const LiveStats& b) {
@@ -404,7 +406,7 @@ struct LiveDensifier::Impl {
     if (callbacks_.on_error) call([&] { callbacks_.on_error(text); });
   }
 
-  void work(std::unique_ptr<LiveBuilder>& builder) {
+  void work() {
     std::uint64_t generation = 0;  // of the builder
     while (true) {
       {
@@ -435,37 +437,37 @@ struct LiveDensifier::Impl {
           paused = paused_;
         }
         if (restart) {
-          builder.reset();  // first, to free its memory
-          builder = make_builder();
+          builder_.reset();  // first, to free its memory
+          builder_ = make_builder();
         }
         for (const Task& task : tasks) {
-          if (task.generation == generation) task.run(*builder);
+          if (task.generation == generation) task.run(*builder_);
         }
         tasks.clear();
-        builder->stay_within_memory();
-        const bool busy = !paused && builder->work();
-        after(*builder, !busy && !paused);
+        builder_->stay_within_memory();
+        const bool busy = !paused && builder_->work();
+        after(!busy && !paused);
       } catch (const std::exception& error) {
-        if (!recover_from(error, builder)) return;
+        if (!recover_from(error)) return;
       }
     }
   }
 
-  void after(LiveBuilder& builder, bool idle) {
-    const LiveStats stats = builder.stats();
-    const LiveBacklog backlog = builder.backlog();
+  void after(bool idle) {
+    const LiveStats stats = builder_->stats();
+    const LiveBacklog backlog = builder_->backlog();
     LiveVersion version = 0;
     bool is_over = false;
     {
       const std::lock_guard<std::mutex> state_lock(state_mutex_);
       std::vector<std::int64_t> dropped;
-      for (const auto& [id, serial] : builder.take_dropped()) {
+      for (const auto& [id, serial] : builder_->take_dropped()) {
         if (tracker_.serial_of(id) == serial) dropped.push_back(id);
       }
       for (const std::int64_t id : dropped) tracker_.forget_landmarks(id);
       if (map_.remove_preliminary(dropped)) version = map_.version();
       const std::lock_guard<std::mutex> lock(mutex_);
-      backend_ = builder.backend();
+      backend_ = builder_->backend();
       queued_keyframes_ -= std::exchange(taken_keyframes_, 0);
       worker_stats_ = stats;
       backlog_ = backlog;
@@ -479,12 +481,12 @@ struct LiveDensifier::Impl {
 
   /// Replaces the builder. Keyframes without final points are forgotten, so that `sync` adds them again; those with
   /// final points keep them and are only moved. Returns false if no builder can be made.
-  bool recover_from(const std::exception& error, std::unique_ptr<LiveBuilder>& builder) {
+  bool recover_from(const std::exception& error) {
     report(error.what());
     std::string again;
     try {
-      builder.reset();
-      builder = make_builder();
+      builder_.reset();
+      builder_ = make_builder();
     } catch (const std::exception& why) {
       again = why.what();
     }
@@ -502,7 +504,7 @@ struct LiveDensifier::Impl {
       queued_keyframes_ -= std::exchange(taken_keyframes_, 0);
       stats_.failed = !again.empty();
       if (stats_.failed) queue_.swap(dropped_tasks);
-      if (builder && finishing_) builder->finish();
+      if (builder_ && finishing_) builder_->finish();
       std::set<std::int64_t> finished;
       const auto snapshot = map_.snapshot();
       for (const LiveCloud& cloud : snapshot->clouds) {
