@@ -617,6 +617,12 @@ std::string same_timestamp_reason(const MapKeyframe& earlier) {
          " s), so its own image is unknown";
 }
 
-std::string format_number(double value) { return number_text(value, "%.16g"); }
+std::string format_number(double value) {
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out.precision(16);
+  out << value;
+  return out.str();
+}
 
 }  // namespace pmsp::io

@@ -25,7 +25,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::int64_t kNoPoint = -1;
-constexpr std::size_t kMaxListed = 16;  ///< maximum number of camera models in a note
+constexpr std::size_t kMaxNames = 200;  ///< length from which on a note lists no further camera model [bytes]
 constexpr int kSphericalForkId = 16;    ///< id of SPHERICAL in forks (2 parameters); in COLMAP EUCM (6)
 constexpr int kSphere = 11;  ///< id of SPHERE in SphereSfM (3 parameters); in COLMAP RAD_TAN_THIN_PRISM_FISHEYE (16)
 /// COLMAP's models, by id.
@@ -71,7 +71,7 @@ void add_camera(Reconstruction& model, std::uint32_t id, const std::string& came
   }
   if (!is_equirectangular(camera_model)) {
     model.cameras[id] = std::nullopt;
-    if (model.skipped_camera_models.size() < kMaxListed) model.skipped_camera_models.insert(camera_model);
+    model.skipped_camera_models.insert(camera_model);
     return;
   }
   const MapCamera camera = equirectangular_camera("camera " + std::to_string(id), width, height, path, where);
@@ -282,7 +282,9 @@ SlamMap read_model(const fs::path& folder) {
   map.format = std::string("COLMAP, ") + (text ? "text" : "binary");
   if (model.skipped_images > 0) {
     std::string names;
-    for (const std::string& name : model.skipped_camera_models) names += (names.empty() ? "" : ", ") + name;
+    for (const std::string& name : model.skipped_camera_models) {
+      if (names.size() < kMaxNames) names += (names.empty() ? "" : ", ") + name;
+    }
     map.notes.push_back(
         "images left out, of cameras that are not equirectangular: " + std::to_string(model.skipped_images) + " (" +
         names + "); only panoramas can be used, not views that were cut from them");

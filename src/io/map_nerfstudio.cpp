@@ -7,7 +7,9 @@
 #include <map>
 #include <string>
 #include <utility>
+#include <vector>
 
+#include "export/files.h"
 #include "map_file.h"
 #include "map_scene.h"
 
@@ -59,17 +61,21 @@ class Cameras {
 /// Longest tail of the path that is a file in the folder, else a path that does not exist; "" = no mask is named.
 std::filesystem::path mask_file(const std::filesystem::path& folder, const JsonValue& value) {
   constexpr std::size_t kLongest = 4096;
+  constexpr std::ptrdiff_t kMaxParts = 8;
   std::string name = value.is_text() ? value.text() : "";
   std::replace(name.begin(), name.end(), '\\', '/');
   const bool is_name = !name.empty() && name.size() <= kLongest &&
                        std::none_of(name.begin(), name.end(), [](unsigned char c) { return c < 0x20U || c == 0x7F; });
   if (!is_name) return {};
-  const std::filesystem::path normal = std::filesystem::path(name).lexically_normal();
-  std::filesystem::path inside;
-  for (const auto& part : normal.relative_path()) inside /= part == ".." ? std::filesystem::path() : part;
-  const std::filesystem::path found = longest_tail(folder, inside.generic_string());
-  if (!found.empty()) return found;
-  return folder / (normal.is_relative() && *normal.begin() != ".." ? normal : std::filesystem::path(name).filename());
+  std::vector<std::filesystem::path> parts;
+  for (const auto& part : std::filesystem::path(name).lexically_normal().relative_path()) parts.push_back(part);
+  for (auto first = parts.end() - std::min(kMaxParts, parts.end() - parts.begin()); first != parts.end(); ++first) {
+    std::filesystem::path file = folder;
+    for (auto part = first; part != parts.end(); ++part) file /= *part;
+    if (*first != ".." && is_file(file)) return file;
+  }
+  const bool is_inside = !parts.empty() && parts.front() != ".." && std::filesystem::path(name).is_relative();
+  return folder / (is_inside ? std::filesystem::path(name).lexically_normal() : std::filesystem::path(name).filename());
 }
 
 SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {

@@ -181,6 +181,11 @@ TEST_CASE("older COLMAP camera names are read and others refused with the reason
   check_same_keyframes(mixed, map, "");
   REQUIRE(mixed.notes.size() == 1);
   CHECK_THAT(mixed.notes[0], Contains("not equirectangular: 1 (SIMPLE_PINHOLE)"));
+  // Also a name that is part of another one, and a tab after the name of an image.
+  write_file(folder / "cameras.txt",
+             cameras + "2 SIMPLE_PINHOLE 640 640 300 320 320\n3 PINHOLE 640 640 300 300 320 320\n");
+  write_file(folder / "images.txt", images + "77 1 0 0 0 0 0 0 2 cut.jpg\t\n\n78 1 0 0 0 0 0 0 3 other.jpg\n\n");
+  CHECK_THAT(read_map(folder.path()).notes[0], Contains("not equirectangular: 2 (PINHOLE, SIMPLE_PINHOLE)"));
 }
 
 TEST_CASE("binary cameras of COLMAP forks are recognised by their length") {
