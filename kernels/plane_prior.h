@@ -424,9 +424,9 @@ PMSP_HD void consider_far(const PriorCells<ViewTypes>& cells, int column, int ro
   }
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
   const float gray = sample(cells.image, center);
-  const bool is_beside_far = far >= (gray < kBright ? kFarMinSupports : 1);
-  if (!is_beside_far && gray < kWhite) return;
-  const float cost = (is_beside_far ? kOccluderCost : kWhiteCost) * static_cast<float>(finite);
+  const bool is_white = gray >= kWhite;
+  if (!is_white && far < (gray < kBright ? kFarMinSupports : 1)) return;
+  const float cost = (is_white ? kWhiteCost : kOccluderCost) * static_cast<float>(finite);
   if (cost < best.cost) best = {far_plane(center), kPriorDirections, cost};
 }
 
