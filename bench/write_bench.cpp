@@ -33,7 +33,7 @@ namespace fs = std::filesystem;
 constexpr std::size_t kOfKeyframe = 1'000'000;
 constexpr double kStep = 0.5;  ///< distance between keyframes
 
-struct Arguments {
+struct WriteArguments {
   std::int64_t points = 100'000'000;
   std::vector<std::string> formats;
   fs::path folder = ".";
@@ -96,7 +96,7 @@ void stay_on(int cores) {
 }
 
 /// Runs in its own process, to measure the memory of one format.
-void write_one(const Arguments& arguments, const CloudFormat& format, const fs::path& path) {
+void write_one(const WriteArguments& arguments, const CloudFormat& format, const fs::path& path) {
   stay_on(arguments.cores);
   KeyframeCloud cloud = corridor();
   CloudHeader header;
@@ -135,7 +135,7 @@ void write_one(const Arguments& arguments, const CloudFormat& format, const fs::
 }
 
 /// Returns the child's exit code.
-int in_child(const Arguments& arguments, const CloudFormat& format, const fs::path& path) {
+int in_child(const WriteArguments& arguments, const CloudFormat& format, const fs::path& path) {
   std::cout.flush();
   const pid_t child = fork();
   if (child < 0) throw std::runtime_error("no process can be started");
@@ -154,7 +154,7 @@ int in_child(const Arguments& arguments, const CloudFormat& format, const fs::pa
   return WIFEXITED(status) ? WEXITSTATUS(status) : tool::kExitUnexpected;
 }
 
-void check(const Arguments& arguments) {
+void check(const WriteArguments& arguments) {
   for (const std::string& name : arguments.formats) {
     if (find_cloud_format(name) == nullptr) throw tool::UsageError("--formats: there is no format " + name);
   }
@@ -167,7 +167,7 @@ void check(const Arguments& arguments) {
 }  // namespace
 
 int write_bench(int argc, char** argv) {
-  Arguments arguments;
+  WriteArguments arguments;
   for (const CloudFormat& format : cloud_formats()) arguments.formats.emplace_back(format.name);
   CLI::App app("Times of the cloud's writers, from points in memory to files on the disk, on one core.\n",
                "pmsp-bench write");

@@ -12,6 +12,7 @@
 namespace pmsp::kernels {
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr double kDegree = kPi / 180.0;  ///< [rad]
 
 /// exp(x) for -80 <= x <= 80. Relative error below 3e-7 in single precision. Cody-Waite reduction, then a polynomial on
 /// [-ln 2 / 2, ln 2 / 2] (Taylor to the sixth degree).

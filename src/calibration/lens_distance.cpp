@@ -23,17 +23,17 @@ namespace pmsp {
 namespace {
 
 constexpr std::size_t kStretches = 3;
-constexpr std::size_t kStretch = 8;          ///< keyframes
-constexpr int kMostWidth = 1920;             ///< of the gray images
-constexpr int kRows = 32;                    ///< of a gray image, per task
-constexpr std::size_t kReach = 7;            ///< keyframes on either side in which a landmark is searched
-constexpr std::size_t kShares = 8;           ///< parts of a keyframe's landmarks, for as many threads
-constexpr std::size_t kMostLandmarks = 128;  ///< per keyframe, the nearest ones: they have most parallax
+constexpr std::size_t kStretch = 8;              ///< keyframes
+constexpr int kMostWidth = 1920;                 ///< of the gray images
+constexpr int kTaskRows = 32;                    ///< of a gray image, per task
+constexpr std::size_t kKeyframeReach = 7;        ///< keyframes on either side in which a landmark is searched
+constexpr std::size_t kShares = 8;               ///< parts of a keyframe's landmarks, for as many threads
+constexpr std::size_t kMostLensLandmarks = 128;  ///< per keyframe, the nearest ones: they have most parallax
 
-constexpr int kRadius = 5;  ///< of a patch [px]
-constexpr int kSearch = 6;  ///< search radius [px]
-constexpr int kSide = 2 * kRadius + 1;
-constexpr int kFieldRadius = kRadius + kSearch;
+constexpr int kPatchRadius = 5;  ///< of a patch [px]
+constexpr int kSearch = 6;       ///< search radius [px]
+constexpr int kPatchSide = 2 * kPatchRadius + 1;
+constexpr int kFieldRadius = kPatchRadius + kSearch;
 constexpr int kField = 2 * kFieldRadius + 1;
 constexpr float kMinDeviation = 6.0F;  ///< of a patch [gray levels]
 constexpr float kMinScore = 0.8F;      ///< NCC
@@ -44,7 +44,7 @@ constexpr double kMaxLatitude = 0.85;  ///< sine of the latitude
 constexpr double kMinCosView = 0.5;    ///< cosine of the angle between two views of a landmark
 constexpr double kMaxZoom = 2.0;       ///< ratio of the distances of a landmark
 
-constexpr std::size_t kFewestLandmarks = 25;
+constexpr std::size_t kFewestLensLandmarks = 25;
 constexpr double kMinSigmas = 5.0;
 constexpr double kMinShiftPx = 0.5;
 
@@ -113,7 +113,7 @@ struct LensDistanceEstimator::View {
       return one != other ? one < other : a.id < b.id;
     };
     std::sort(landmarks.begin(), landmarks.end(), nearer);
-    if (landmarks.size() > kMostLandmarks) landmarks.resize(kMostLandmarks);
+    if (landmarks.size() > kMostLensLandmarks) landmarks.resize(kMostLensLandmarks);
   }
 
   float at(const Eigen::Vector3f& direction) const {
@@ -146,10 +146,10 @@ struct LensDistanceEstimator::View {
 
 namespace {
 
-using Patch = std::array<float, kSide * kSide>;
-constexpr int kPlaces = 2 * kSearch + 1;                    ///< offsets of a patch in a field, along each axis
-constexpr int kLanes = 16;                                  ///< kPlaces, rounded up
-using Field = std::array<float, kField * kField + kLanes>;  ///< padded, since lanes read beyond the end
+using LensPatch = std::array<float, kPatchSide * kPatchSide>;
+constexpr int kPlaces = 2 * kSearch + 1;                          ///< offsets of a patch in a field, along each axis
+constexpr int kLanes = 16;                                        ///< kPlaces, rounded up
+using SearchField = std::array<float, kField * kField + kLanes>;  ///< padded, since lanes read beyond the end
 
 /// Returns the vertex of the parabola through three values relative to the middle one, which is the largest.
 float top_of(float before, float middle, float after) {
@@ -157,7 +157,7 @@ float top_of(float before, float middle, float after) {
 }
 
 /// Returns the offset of the best match of the patch from the centre of the field [px].
-std::optional<Eigen::Vector2d> find(const Patch& patch, const Field& field) {
+std::optional<Eigen::Vector2d> find(const LensPatch& patch, const SearchField& field) {
   std::array<float, kPlaces * kPlaces> scores{};
   int best = 0;
   for (int v = 0; v < kPlaces; ++v) {
@@ -165,20 +165,20 @@ std::optional<Eigen::Vector2d> find(const Patch& patch, const Field& field) {
     std::array<float, kField> sums{};  // of columns
     std::array<float, kField> squares{};
     std::array<float, kLanes> products{};
-    for (int j = 0; j < kSide; ++j) {
+    for (int j = 0; j < kPatchSide; ++j) {
       const float* const row = rows + j * kField;
       for (int x = 0; x < kField; ++x) {
         sums[static_cast<std::size_t>(x)] += row[x];
         squares[static_cast<std::size_t>(x)] += row[x] * row[x];
       }
-      for (int i = 0; i < kSide; ++i) {
-        const float known = patch[static_cast<std::size_t>(j * kSide + i)];
+      for (int i = 0; i < kPatchSide; ++i) {
+        const float known = patch[static_cast<std::size_t>(j * kPatchSide + i)];
         for (int u = 0; u < kLanes; ++u) products[static_cast<std::size_t>(u)] += known * row[i + u];
       }
     }
     for (int u = 0; u < kPlaces; ++u) {
-      const float sum = std::accumulate(sums.begin() + u, sums.begin() + u + kSide, 0.0F);
-      const float square = std::accumulate(squares.begin() + u, squares.begin() + u + kSide, 0.0F);
+      const float sum = std::accumulate(sums.begin() + u, sums.begin() + u + kPatchSide, 0.0F);
+      const float square = std::accumulate(squares.begin() + u, squares.begin() + u + kPatchSide, 0.0F);
       const float variance = square - sum * sum / static_cast<float>(patch.size());
       const int place = v * kPlaces + u;
       scores[static_cast<std::size_t>(place)] =
@@ -260,9 +260,9 @@ void LensDistanceEstimator::add(const Keyframe& keyframe, const Executor* execut
     }
   };
   const auto reduce_rows = [&](int band) {
-    for (int y = band * kRows; y < std::min((band + 1) * kRows, view->gray.height()); ++y) reduce_row(y);
+    for (int y = band * kTaskRows; y < std::min((band + 1) * kTaskRows, view->gray.height()); ++y) reduce_row(y);
   };
-  for_each(executor, (view->gray.height() + kRows - 1) / kRows, reduce_rows);
+  for_each(executor, (view->gray.height() + kTaskRows - 1) / kTaskRows, reduce_rows);
   if (!keyframe.mask.empty()) {
     view->mask = Image<std::uint8_t>(keyframe.mask.width, keyframe.mask.height);
     for (int y = 0; y < view->mask.height(); ++y) {
@@ -305,9 +305,10 @@ LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
       if (!(depth > 0.0) || !view.is_used(bearing)) continue;
       const Eigen::Vector3d right = step * Eigen::Vector3d(bearing.z(), 0.0, -bearing.x()).normalized();
       const Eigen::Vector3d down = bearing.cross(right);
-      std::optional<Patch> patch;
+      std::optional<LensPatch> patch;
       std::vector<Sighting> sightings{{own, bearing}};
-      for (std::size_t k = own > kReach ? own - kReach : 0; k < std::min(views_.size(), own + kReach + 1); ++k) {
+      for (std::size_t k = own > kKeyframeReach ? own - kKeyframeReach : 0;
+           k < std::min(views_.size(), own + kKeyframeReach + 1); ++k) {
         const View& other = *views_[k];
         const Eigen::Vector3d there = other.cam_from_world * landmark.position_world;
         const double zoom = there.norm() / depth;
@@ -317,8 +318,9 @@ LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
         if (!patch) {
           patch.emplace();
           float* to = patch->data();
-          for (int j = -kRadius; j <= kRadius; ++j) {
-            for (int i = -kRadius; i <= kRadius; ++i) *to++ = view.at((bearing + i * right + j * down).cast<float>());
+          for (int j = -kPatchRadius; j <= kPatchRadius; ++j) {
+            for (int i = -kPatchRadius; i <= kPatchRadius; ++i)
+              *to++ = view.at((bearing + i * right + j * down).cast<float>());
           }
           if (!normalise(*patch, kMinDeviation)) break;
         }
@@ -326,7 +328,7 @@ LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
         const Eigen::Vector3f center = (there / depth).cast<float>();
         const Eigen::Vector3f along = (turn * right).cast<float>();
         const Eigen::Vector3f across = (turn * down).cast<float>();
-        Field field{};
+        SearchField field{};
         float* to = field.data();
         for (int j = -kFieldRadius; j <= kFieldRadius; ++j) {
           for (int i = -kFieldRadius; i <= kFieldRadius; ++i) {
@@ -352,7 +354,7 @@ LensDistance LensDistanceEstimator::estimate(const Executor& executor) const {
   for (const std::vector<Term>& of_share : found) terms.insert(terms.end(), of_share.begin(), of_share.end());
   LensDistance result;
   result.landmarks = static_cast<std::int64_t>(terms.size());
-  if (terms.size() < kFewestLandmarks) return result;
+  if (terms.size() < kFewestLensLandmarks) return result;
 
   // Outliers, from wrong matches or landmarks that are two points, get less weight.
   std::vector<double> weights(terms.size(), 1.0);

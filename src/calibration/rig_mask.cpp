@@ -23,7 +23,7 @@ constexpr std::array<std::size_t, 4> kSteps{1, 2, 3, 5};  ///< distances of the 
 constexpr float kMinMotion = 4.0F;                        ///< minimum motion of the world between two keyframes [px]
 constexpr float kSameAnyway = 1e9F;                       ///< similarity in case of less motion
 constexpr float kMinGradient = 3.0F;                      ///< RMS of a window [gray levels / px]
-constexpr int kRadius = 2;                                ///< of a window [px]
+constexpr int kWindowRadius = 2;                          ///< of a window [px]
 constexpr float kSame = 0.5F;                             ///< minimum agreement of equal gradients
 constexpr float kOther = 0.3F;                            ///< ... maximum of different gradients
 constexpr float kMinCosLatitude = 0.1F;
@@ -31,19 +31,19 @@ constexpr float kMinCosLatitude = 0.1F;
 constexpr double kNearShare = 0.25;  ///< quantile of landmark distances assumed for the largest motion
 constexpr double kFarShare = 0.9;    ///< ... for the smallest motion, times
 constexpr double kFarFactor = 1.5;
-constexpr std::size_t kFewestLandmarks = 10;
+constexpr std::size_t kFewestRigLandmarks = 10;
 constexpr float kHorizon = 0.2F;   ///< sine of the depression, below which surfaces may be infinitely far
 constexpr float kInfinity = 1e6F;  ///< factor on the distance of landmarks
 
 constexpr int kFewestPairs = 10;
-constexpr float kCertain = 0.7F;      ///< minimum share of pairs without motion, of a rig
-constexpr float kLikely = 0.4F;       ///< ... connected with such pixels
-constexpr double kMinShare = 1e-3;    ///< minimum share of the sphere, of a connected region
-constexpr int kGap = 4;               ///< closed between regions [px]
-constexpr float kClosed = 0.6F;       ///< minimum share of rig in a ring around a pole
-constexpr float kHalfClosed = 0.25F;  ///< ... near the pole, with little world
-constexpr float kSmallCap = 0.42F;    ///< sine of the radius around a pole
-constexpr int kMargin = 1;            ///< added around the rig [px]
+constexpr float kCertain = 0.7F;          ///< minimum share of pairs without motion, of a rig
+constexpr float kLikely = 0.4F;           ///< ... connected with such pixels
+constexpr double kMinRegionShare = 1e-3;  ///< minimum share of the sphere, of a connected region
+constexpr int kGap = 4;                   ///< closed between regions [px]
+constexpr float kClosed = 0.6F;           ///< minimum share of rig in a ring around a pole
+constexpr float kHalfClosed = 0.25F;      ///< ... near the pole, with little world
+constexpr float kSmallCap = 0.42F;        ///< sine of the radius around a pole
+constexpr int kMargin = 1;                ///< added around the rig [px]
 
 constexpr std::size_t kBands = 8;  ///< of the lower hemisphere
 
@@ -59,7 +59,7 @@ double quantile(std::vector<double>& values, double share) {
   return *at;
 }
 
-using Field = std::vector<float>;  ///< kPixels
+using PixelValues = std::vector<float>;  ///< kPixels
 
 struct Directions {
   std::vector<Eigen::Vector3f> bearing;  ///< by pixel
@@ -81,32 +81,32 @@ const Directions& directions() {
 }
 
 /// Means of windows; columns wrap around, rows end at the borders.
-void box_filter(Field& field) {
-  Field sums(kPixels);
+void box_filter(PixelValues& field) {
+  PixelValues sums(kPixels);
   for (int y = 0; y < kHeight; ++y) {
     const float* const from = field.data() + static_cast<std::ptrdiff_t>(y) * kWidth;
     float* const to = sums.data() + static_cast<std::ptrdiff_t>(y) * kWidth;
     for (int x = 0; x < kWidth; ++x) {
       float sum = 0.0F;
-      for (int i = -kRadius; i <= kRadius; ++i) sum += from[(x + i + kWidth) % kWidth];
+      for (int i = -kWindowRadius; i <= kWindowRadius; ++i) sum += from[(x + i + kWidth) % kWidth];
       to[x] = sum;
     }
   }
   for (int y = 0; y < kHeight; ++y) {
-    const int first = std::max(0, y - kRadius), last = std::min(kHeight - 1, y + kRadius);
+    const int first = std::max(0, y - kWindowRadius), last = std::min(kHeight - 1, y + kWindowRadius);
     float* const to = field.data() + static_cast<std::ptrdiff_t>(y) * kWidth;
     std::fill(to, to + kWidth, 0.0F);
     for (int row = first; row <= last; ++row) {
       const float* const from = sums.data() + static_cast<std::ptrdiff_t>(row) * kWidth;
       for (int x = 0; x < kWidth; ++x) to[x] += from[x];
     }
-    const float scale = 1.0F / static_cast<float>((last - first + 1) * (2 * kRadius + 1));
+    const float scale = 1.0F / static_cast<float>((last - first + 1) * (2 * kWindowRadius + 1));
     for (int x = 0; x < kWidth; ++x) to[x] *= scale;
   }
 }
 
 struct Gradients {
-  Field right, down;  ///< [gray levels / px of the equator]
+  PixelValues right, down;  ///< [gray levels / px of the equator]
 };
 
 /// Content of a pixel's window in a pair of keyframes.
@@ -118,11 +118,11 @@ using Kinds = std::vector<Kind>;
 using Flags = std::vector<std::uint8_t>;
 
 /// Returns the solid angle of a pixel as a share of the sphere.
-double solid_angle(std::size_t pixel) {
+double pixel_solid_angle(std::size_t pixel) {
   return directions().cos_latitude[pixel / kWidth] * kernels::kPi / (2.0 * kPixels);
 }
 
-/// Returns connected regions of likely pixels of at least kMinShare that contain a certain one.
+/// Returns connected regions of likely pixels of at least kMinRegionShare that contain a certain one.
 Flags regions_of(const Kinds& kinds) {
   Flags kept(kPixels, 0), seen(kPixels, 0);
   for (std::size_t start = 0; start < kPixels; ++start) {
@@ -131,7 +131,7 @@ Flags regions_of(const Kinds& kinds) {
     seen[start] = 1;
     double share = 0.0;
     for (std::size_t next = 0; next < region.size(); ++next) {
-      share += solid_angle(region[next]);
+      share += pixel_solid_angle(region[next]);
       const int x = static_cast<int>(region[next] % kWidth), y = static_cast<int>(region[next] / kWidth);
       for (int j = std::max(0, y - 1); j <= std::min(kHeight - 1, y + 1); ++j) {
         for (int i = x - 1; i <= x + 1; ++i) {
@@ -142,7 +142,7 @@ Flags regions_of(const Kinds& kinds) {
         }
       }
     }
-    if (share < kMinShare) continue;
+    if (share < kMinRegionShare) continue;
     for (const std::size_t at : region) kept[at] = 1;
   }
   return kept;
@@ -203,7 +203,7 @@ Flags dilate(const Flags& flags, int radius, std::uint8_t value = 1) {
 RigMask rig_mask_of(Image<std::uint8_t> mask) {
   RigMask result;
   for (std::size_t at = 0; at < kPixels; ++at) {
-    if (mask.pixels()[at] == 0) result.share += solid_angle(at);
+    if (mask.pixels()[at] == 0) result.share += pixel_solid_angle(at);
   }
   result.mask = std::move(mask);
   return result;
@@ -234,12 +234,12 @@ struct RigMaskEstimator::View {
       if (at.y() > 0.0) of_band[band_of(static_cast<float>(at.y() / at.norm()))].push_back(at.norm());
     }
     near = 0.0F;
-    if (all.size() < kFewestLandmarks) return;
+    if (all.size() < kFewestRigLandmarks) return;
     near = static_cast<float>(quantile(all, kNearShare));
     float farthest = static_cast<float>(kFarFactor * quantile(all, kFarShare));
     for (std::size_t band = 0; band < kBands; ++band) {
       std::vector<double>& distances = of_band[band];
-      if (distances.size() >= kFewestLandmarks)
+      if (distances.size() >= kFewestRigLandmarks)
         farthest = std::min(farthest, static_cast<float>(kFarFactor * quantile(distances, kFarShare)));
       far[band] = farthest;
     }
@@ -247,7 +247,7 @@ struct RigMaskEstimator::View {
 
   /// Sobel gradients; 0 at masked pixels.
   Gradients gradients() const {
-    Gradients g{Field(kPixels, 0.0F), Field(kPixels, 0.0F)};
+    Gradients g{PixelValues(kPixels, 0.0F), PixelValues(kPixels, 0.0F)};
     for (int y = 0; y < kHeight; ++y) {
       const float across = 1.0F / std::max(directions().cos_latitude[static_cast<std::size_t>(y)], kMinCosLatitude);
       const int step = static_cast<int>(std::lround(across));  // about a pixel of the equator
@@ -287,24 +287,24 @@ struct RigMaskEstimator::View {
       const int to = kernels::pixel_index(kernels::Vec3<float>{moved.x(), moved.y(), moved.z()}, kWidth, kHeight);
       return agreement(here, at, here, static_cast<std::size_t>(to));
     };
-    Field product(kPixels), greater(kPixels);
+    PixelValues product(kPixels), greater(kPixels);
     for (std::size_t at = 0; at < kPixels; ++at) {
       greater[at] = std::max(agreement(here, at, here, at), agreement(there, at, there, at));
       product[at] = agreement(here, at, there, at);
     }
-    for (Field* field : {&product, &greater}) box_filter(*field);
+    for (PixelValues* field : {&product, &greater}) box_filter(*field);
     const auto has_texture = [&](std::size_t at) { return greater[at] >= kMinGradient * kMinGradient; };
-    Field around(kPixels);  // above 0 in windows of pixels with texture
+    PixelValues around(kPixels);  // above 0 in windows of pixels with texture
     for (std::size_t at = 0; at < kPixels; ++at) around[at] = has_texture(at) ? 1.0F : 0.0F;
     box_filter(around);
-    Field nearest(kPixels), farthest(kPixels);
+    PixelValues nearest(kPixels), farthest(kPixels);
     for (std::size_t at = 0; at < kPixels; ++at) {
       if (around[at] == 0.0F) continue;
       nearest[at] = alike(at, near);
       const float down = d.bearing[at].y();
       farthest[at] = alike(at, down < kHorizon ? kInfinity * near : far[band_of(down)]);
     }
-    for (Field* field : {&nearest, &farthest}) box_filter(*field);
+    for (PixelValues* field : {&nearest, &farthest}) box_filter(*field);
     Flags shows(kPixels, kNothing);
     for (std::size_t at = 0; at < kPixels; ++at) {
       if (!has_texture(at) || std::max(nearest[at], farthest[at]) > kOther * greater[at]) continue;

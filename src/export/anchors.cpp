@@ -17,19 +17,17 @@
 namespace pmsp {
 namespace {
 
-using Row = NumberRow;
-
-std::string where(const std::filesystem::path& path, const Row& row) {
+std::string where(const std::filesystem::path& path, const NumberRow& row) {
   return path.string() + ": line " + std::to_string(row.line) + ": ";
 }
 
-Anchor control_point(const Row& row) {
+Anchor control_point(const NumberRow& row) {
   const std::vector<double>& v = row.numbers;
   const std::string name = row.name.empty() ? "line " + std::to_string(row.line) : row.name;
   return {name, {v[0], v[1], v[2]}, {v[3], v[4], v[5]}, std::nullopt};
 }
 
-Anchor camera_place(const std::filesystem::path& path, const Row& row, const SlamMap& map) {
+Anchor camera_place(const std::filesystem::path& path, const NumberRow& row, const SlamMap& map) {
   const std::vector<double>& v = row.numbers;
   const bool is_whole = std::floor(v[0]) == v[0] && std::abs(v[0]) < 9e15;
   if (map.keyframes.empty()) {
@@ -58,7 +56,7 @@ class Images {
   /// Returns the keyframe of an image name: if several match, the one with the same trailing folders, as far as both
   /// names have them; leading folders of absolute paths may differ (other machine). nullptr = none. Throws InvalidInput
   /// if ambiguous.
-  const MapKeyframe* find(const std::filesystem::path& table, const Row& row) const {
+  const MapKeyframe* find(const std::filesystem::path& table, const NumberRow& row) const {
     std::string text = row.name;
     std::replace(text.begin(), text.end(), '\\', '/');
     if (text.size() > 1 && text[1] == ':') text.erase(0, 2);  // drive letter
@@ -98,13 +96,13 @@ class Images {
 };
 
 /// Anchors of rows "NAME X Y Z". Rows without a keyframe are skipped.
-std::vector<Anchor> places_of_images(const std::filesystem::path& path, const std::vector<Row>& rows,
+std::vector<Anchor> places_of_images(const std::filesystem::path& path, const std::vector<NumberRow>& rows,
                                      const SlamMap& map, const ImageFiles& files) {
-  constexpr std::size_t kFewest = 3;
+  constexpr std::size_t kFewestAnchors = 3;
   const Images images(map, files);
   std::vector<Anchor> anchors;
   std::string missing;
-  for (const Row& row : rows) {
+  for (const NumberRow& row : rows) {
     const MapKeyframe* const keyframe = images.find(path, row);
     if (keyframe == nullptr) {
       if (missing.empty()) missing = row.name;
@@ -113,7 +111,7 @@ std::vector<Anchor> places_of_images(const std::filesystem::path& path, const st
     anchors.push_back(
         {row.name, keyframe->cam_from_world.center(), {row.numbers[0], row.numbers[1], row.numbers[2]}, std::nullopt});
   }
-  if (anchors.size() < kFewest && !missing.empty()) {
+  if (anchors.size() < kFewestAnchors && !missing.empty()) {
     throw InvalidInput(path.string() + ": names images of " + std::to_string(anchors.size()) +
                        " keyframes, expected at least 3; no keyframe has \"" + missing + "\"");
   }
@@ -201,14 +199,14 @@ std::vector<Anchor> read_anchors(const std::filesystem::path& path, const SlamMa
     return along_trajectory(poses_of(path), path, map, time_offset);
   }
   std::string names;
-  const std::vector<Row> rows = read_number_table(path, &names);
+  const std::vector<NumberRow> rows = read_number_table(path, &names);
   refuse_degrees(path, names);
   if (rows.empty())
     throw InvalidInput(path.string() + ": contains no line of numbers; expected a table (see --help-all)");
   const std::size_t columns = rows.front().numbers.size();
   const bool is_named = columns == 3 && !rows.front().name.empty();
   std::vector<Anchor> anchors;
-  for (const Row& row : rows) {
+  for (const NumberRow& row : rows) {
     const bool has_right_name = row.name.empty() ? !is_named : is_named || columns == 6;
     if ((!is_named && columns != 4 && columns != 6) || row.numbers.size() != columns || !has_right_name) {
       throw InvalidInput(where(path, row) +

@@ -15,12 +15,12 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr const char* kPart = ".part";    // name prefix of files in progress inside an existing folder
-constexpr const char* kWhole = ".whole";  // complete output while its entries are moved into the target
+constexpr const char* kPart = ".part";             // name prefix of files in progress inside an existing folder
+constexpr const char* kCompleteSuffix = ".whole";  // complete output while its entries are moved into the target
 
 std::string name_of(const fs::path& path) { return path.filename().string(); }
 
-[[noreturn]] void fail(const fs::path& path, const std::string& what, const std::error_code& error) {
+[[noreturn]] void refuse(const fs::path& path, const std::string& what, const std::error_code& error) {
   throw OutputError(path.string() + ": cannot be " + what + ": " + error.message());
 }
 
@@ -30,7 +30,7 @@ std::vector<fs::path> entries_of(const fs::path& folder) {
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     entries.push_back(it->path());
   }
-  if (error) fail(folder, "listed", error);
+  if (error) refuse(folder, "listed", error);
   // Index files (JSON) last, after the files they refer to.
   std::stable_partition(entries.begin(), entries.end(), [](const fs::path& it) { return it.extension() != ".json"; });
   return entries;
@@ -39,7 +39,7 @@ std::vector<fs::path> entries_of(const fs::path& folder) {
 void put(const fs::path& from, const fs::path& to) {
   std::error_code error;
   fs::rename(from, to, error);
-  if (error) fail(to, "moved into place", error);
+  if (error) refuse(to, "moved into place", error);
 }
 
 /// Moves a file or folder; merges a folder into an existing one.
@@ -65,9 +65,9 @@ AtomicFolder::AtomicFolder(const fs::path& target, IsOwn is_own, const std::stri
   for (const fs::path& entry : entries_of(part_)) {
     std::error_code error;
     if (name_of(entry) != FolderLock::kName) fs::remove_all(entry, error);
-    if (error) fail(entry, "deleted", error);
+    if (error) refuse(entry, "deleted", error);
   }
-  const fs::path whole = target_ / kWhole;
+  const fs::path whole = target_ / kCompleteSuffix;
   if (!in_target_ || !fs::exists(whole, ignored)) return;
   require_leftover(whole);
   fs::remove_all(whole, ignored);
@@ -97,7 +97,7 @@ void AtomicFolder::require_leftover(const fs::path& folder) const {
 void AtomicFolder::commit() {
   std::error_code error;
   if (in_target_ || fs::is_directory(target_, error)) {  // possibly created by another process in the meantime
-    const fs::path whole = target_ / kWhole;
+    const fs::path whole = target_ / kCompleteSuffix;
     put(part_, whole);
     part_ = whole;
     is_placing_ = true;
@@ -124,7 +124,7 @@ void AtomicFolder::replace() const {
     std::error_code error;
     if (!is_own_(name_of(entry)) || !fs::is_regular_file(entry, error)) continue;
     fs::remove(entry, error);
-    if (error) fail(entry, "deleted", error);
+    if (error) refuse(entry, "deleted", error);
   }
   for (const fs::path& entry : entries_of(part_)) {
     if (name_of(entry) != FolderLock::kName) move_into_place(entry, target_ / entry.filename());
@@ -139,7 +139,7 @@ bool AtomicFolder::is_free(const fs::path& target) {
     return std::any_of(entries.begin(), entries.end(), [&](const fs::path& it) { return name_of(it) == name; });
   };
   const auto is_part = [](const fs::path& it) { return name_of(it).rfind(kPart, 0) == 0; };
-  return has(kWhole) || std::all_of(entries.begin(), entries.end(), is_part);
+  return has(kCompleteSuffix) || std::all_of(entries.begin(), entries.end(), is_part);
 }
 
 }  // namespace pmsp

@@ -16,8 +16,6 @@
 namespace pmsp {
 namespace {
 
-constexpr double kDegree = kernels::kPi / 180.0;
-
 std::string short_text(double value) { return number_text(value, "%.4g"); }
 
 void align(const FrameOptions& options, const SlamMap& map, const ImageFiles& images, CloudFrame& frame) {
@@ -152,7 +150,8 @@ Eigen::Vector3d up_of_cameras(const SlamMap& map, double& spread_deg) {
   }
   std::vector<double> angles;
   if (up.norm() > 0.0) up.normalize();
-  for (const Eigen::Vector3d& one : ups) angles.push_back(std::acos(std::clamp(one.dot(up), -1.0, 1.0)) / kDegree);
+  for (const Eigen::Vector3d& one : ups)
+    angles.push_back(std::acos(std::clamp(one.dot(up), -1.0, 1.0)) / kernels::kDegree);
   std::sort(angles.begin(), angles.end());
   spread_deg = angles.empty() ? 180.0 : angles[angles.size() / 2];
   constexpr double kMostSpread = 45.0;

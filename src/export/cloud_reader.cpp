@@ -21,8 +21,6 @@ std::unique_ptr<CloudReader> open_colmap_reader(const std::filesystem::path& fol
 
 namespace {
 
-using Json = nlohmann::json;
-
 std::unique_ptr<CloudReader> open_folder(const std::filesystem::path& path) {
   std::error_code ignored;
   if (workspace::is_workspace(path)) return std::make_unique<workspace::WorkspaceCloud>(path);
@@ -34,7 +32,7 @@ std::unique_ptr<CloudReader> open_folder(const std::filesystem::path& path) {
 }
 
 /// From a 4 x 4 matrix.
-std::optional<Similarity> similarity_from(const Json& rows, double scale) {
+std::optional<Similarity> similarity_from(const nlohmann::json& rows, double scale) {
   Similarity similarity;
   similarity.scale = scale;
   for (int r = 0; r < 3; ++r) {
@@ -78,7 +76,7 @@ void read_origin(CloudInfo& info) {
       info.unit.kind = CloudUnit::Kind::kMap;
     }
     if (comment.rfind(cloud, 0) != 0) continue;
-    const Json json = Json::parse(comment.substr(cloud.size() - 1), nullptr, false);
+    const nlohmann::json json = nlohmann::json::parse(comment.substr(cloud.size() - 1), nullptr, false);
     if (!json.is_object()) continue;
     try {
       const auto scale = json.at("scale").get<double>();
@@ -90,13 +88,13 @@ void read_origin(CloudInfo& info) {
                    : unit == "map" ? CloudUnit::Kind::kMap
                                    : CloudUnit::Kind::kUnknown,
                    unit == "m" ? json.value("unit_by", "its transform") : ""};
-      for (const Json& lacks : json.value("lacks", Json::array())) {
+      for (const nlohmann::json& lacks : json.value("lacks", nlohmann::json::array())) {
         info.has_normals = info.has_normals && lacks != "normals";
         info.has_colors = info.has_colors && lacks != "colours";
         info.has_confidence = info.has_confidence && lacks != "confidence";
         info.has_views = info.has_views && lacks != "views";
       }
-    } catch (const Json::exception&) {  // comment of another program
+    } catch (const nlohmann::json::exception&) {  // comment of another program
     }
   }
 }

@@ -10,7 +10,7 @@ namespace pmsp {
 namespace {
 
 /// Id, position, colour, error, track length.
-constexpr std::size_t kPointBytes = 8 + 3 * 8 + 3 + 8 + 8;
+constexpr std::size_t kMinPointBytes = 8 + 3 * 8 + 3 + 8 + 8;
 constexpr std::uint64_t kSightingBytes = 8;
 
 class ColmapReader final : public CloudReader {
@@ -18,7 +18,7 @@ class ColmapReader final : public CloudReader {
   explicit ColmapReader(const std::filesystem::path& folder) : input_(folder / "sparse" / "0" / "points3D.bin") {
     info_.format = "COLMAP";
     info_.has_colors = true;
-    info_.points = static_cast<std::int64_t>(input_.count("points", kPointBytes));
+    info_.points = static_cast<std::int64_t>(input_.count("points", kMinPointBytes));
     if (is_file(folder / "pmsp.txt")) {
       BinaryInput lines(folder / "pmsp.txt");
       for (std::string line; lines.line(line);) info_.comments.push_back(line);

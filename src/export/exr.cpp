@@ -14,7 +14,7 @@ namespace {
 
 constexpr std::int32_t kMagic = 20000630, kVersion = 2, kFloat = 2;
 
-std::string attribute(const char* name, const char* type, const std::string& value) {
+std::string exr_attribute(const char* name, const char* type, const std::string& value) {
   std::string text = std::string(name) + '\0' + type + '\0';
   append_little(text, static_cast<std::int32_t>(value.size()));
   return text + value;
@@ -41,11 +41,11 @@ std::string header(const std::vector<ImageChannel>& channels, int width, int hei
   std::string text;
   append_little(text, kMagic);
   append_little(text, kVersion);
-  return text + attribute("channels", "chlist", channel_list(channels)) +
-         attribute("compression", "compression", none) + attribute("dataWindow", "box2i", window) +
-         attribute("displayWindow", "box2i", window) + attribute("lineOrder", "lineOrder", none) +
-         attribute("pixelAspectRatio", "float", one) + attribute("screenWindowCenter", "v2f", zeros) +
-         attribute("screenWindowWidth", "float", one) + '\0';
+  return text + exr_attribute("channels", "chlist", channel_list(channels)) +
+         exr_attribute("compression", "compression", none) + exr_attribute("dataWindow", "box2i", window) +
+         exr_attribute("displayWindow", "box2i", window) + exr_attribute("lineOrder", "lineOrder", none) +
+         exr_attribute("pixelAspectRatio", "float", one) + exr_attribute("screenWindowCenter", "v2f", zeros) +
+         exr_attribute("screenWindowWidth", "float", one) + '\0';
 }
 
 }  // namespace

@@ -190,10 +190,10 @@ void AtomicFile::put(std::int64_t offset, const char* data, std::size_t bytes) c
 
 std::filesystem::path end_of_links(std::filesystem::path path) {
   namespace fs = std::filesystem;
-  constexpr int kMost = 40;  // limit of the kernel
+  constexpr int kMostLinks = 40;  // limit of the kernel
   std::error_code ignored;
   for (int i = 0; fs::is_symlink(fs::symlink_status(path, ignored)); ++i) {
-    if (i == kMost) throw OutputError(path.string() + ": cannot be written, it is a symbolic link to itself");
+    if (i == kMostLinks) throw OutputError(path.string() + ": cannot be written, it is a symbolic link to itself");
     path = path.parent_path() / fs::read_symlink(path, ignored);  // an absolute target replaces the path
   }
   return path;

@@ -10,13 +10,11 @@
 namespace pmsp {
 namespace {
 
-constexpr double kDegree = kernels::kPi / 180.0;
-
 /// Earth-centred coordinates [m]: WGS 84 (NIMA TR8350.2, equation 4-14).
 Eigen::Vector3d earth_centred(const io::GpsPosition& gps) {
   constexpr double kRadius = 6378137.0, kFlattening = 1.0 / 298.257223563;
   constexpr double kEccentricity = kFlattening * (2.0 - kFlattening);  // squared
-  const double lat = gps.latitude_deg * kDegree, lon = gps.longitude_deg * kDegree;
+  const double lat = gps.latitude_deg * kernels::kDegree, lon = gps.longitude_deg * kernels::kDegree;
   const double normal = kRadius / std::sqrt(1.0 - kEccentricity * std::sin(lat) * std::sin(lat));
   return {(normal + gps.altitude_m) * std::cos(lat) * std::cos(lon),
           (normal + gps.altitude_m) * std::cos(lat) * std::sin(lon),
@@ -25,7 +23,7 @@ Eigen::Vector3d earth_centred(const io::GpsPosition& gps) {
 
 /// Rows: east, north and up.
 Eigen::Matrix3d axes_at(const io::GpsPosition& gps) {
-  const double lat = gps.latitude_deg * kDegree, lon = gps.longitude_deg * kDegree;
+  const double lat = gps.latitude_deg * kernels::kDegree, lon = gps.longitude_deg * kernels::kDegree;
   Eigen::Matrix3d axes;
   axes << -std::sin(lon), std::cos(lon), 0.0,                                         //
       -std::sin(lat) * std::cos(lon), -std::sin(lat) * std::sin(lon), std::cos(lat),  //

@@ -57,11 +57,12 @@ std::string extra_bytes(std::uint8_t type, const char* name, const char* descrip
 }
 
 std::string records(const std::filesystem::path& path, const CloudHeader& header, std::uint32_t& count) {
-  constexpr std::uint8_t kUint8 = 1, kFloat = 9;
-  std::string text = record("LASF_Spec", 4, "Extra bytes",
-                            extra_bytes(kFloat, "NormalX", "unit normal") + extra_bytes(kFloat, "NormalY", "") +
-                                extra_bytes(kFloat, "NormalZ", "") + extra_bytes(kFloat, "confidence", "0 to 1") +
-                                extra_bytes(kUint8, "views", "depth maps that agree"));
+  constexpr std::uint8_t kUint8Type = 1, kFloatType = 9;
+  std::string text =
+      record("LASF_Spec", 4, "Extra bytes",
+             extra_bytes(kFloatType, "NormalX", "unit normal") + extra_bytes(kFloatType, "NormalY", "") +
+                 extra_bytes(kFloatType, "NormalZ", "") + extra_bytes(kFloatType, "confidence", "0 to 1") +
+                 extra_bytes(kUint8Type, "views", "depth maps that agree"));
   count = 1;
   std::string lines;
   for (const std::string& comment : header.comments) lines += comment + "\n";

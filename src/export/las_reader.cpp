@@ -16,14 +16,14 @@ namespace {
 constexpr std::size_t kShortestHeader = 227;  ///< versions 1.0 to 1.2
 constexpr std::size_t kHeader14 = 375;
 constexpr std::size_t kRecordHeader = 54;
-constexpr std::size_t kExtraBytes = 192;  ///< size of a descriptor
+constexpr std::size_t kDescriptorBytes = 192;  ///< size of a descriptor
 constexpr std::uint8_t kCompressed = 0xC0;
 
 struct PointFormat {
   std::size_t bytes;   ///< size of a point without extra bytes
   std::size_t colors;  ///< offset of red, green, blue; 0 = none
 };
-constexpr std::array<PointFormat, 11> kFormats{
+constexpr std::array<PointFormat, 11> kPointFormats{
     {{20, 0}, {28, 0}, {26, 20}, {34, 28}, {57, 0}, {63, 28}, {30, 0}, {36, 30}, {38, 30}, {59, 0}, {67, 30}}};
 
 template <class T>
@@ -88,12 +88,12 @@ class LasReader final : public CloudReader {
     if ((format & kCompressed) != 0) {
       input_.fail("is compressed (LAZ), expected LAS; convert it: laszip -i IN.laz -o OUT.las");
     }
-    if (format >= kFormats.size()) {
+    if (format >= kPointFormats.size()) {
       input_.fail("has points of format " + std::to_string(format) + ", expected 0 to 10; the file may be damaged");
     }
     records_.bytes = number_at<std::uint16_t>(start, 105);
     records_.count = number_at<std::uint32_t>(start, 107);
-    const PointFormat& layout = kFormats[format];
+    const PointFormat& layout = kPointFormats[format];
     extra_at_ = layout.bytes;
     if (records_.bytes < layout.bytes) {
       input_.fail("has points of " + std::to_string(records_.bytes) + " bytes, expected at least " +
@@ -143,7 +143,7 @@ class LasReader final : public CloudReader {
 
   void read_extra_bytes(const std::string& descriptors) {
     std::size_t place = extra_at_;
-    for (std::size_t at = 0; at + kExtraBytes <= descriptors.size(); at += kExtraBytes) {
+    for (std::size_t at = 0; at + kDescriptorBytes <= descriptors.size(); at += kDescriptorBytes) {
       const auto type = number_at<std::uint8_t>(descriptors, at + 2),
                  options = number_at<std::uint8_t>(descriptors, at + 3);
       const std::size_t kind = (type + kExtraTypes.size() - 1) % kExtraTypes.size();  // types from 11 on are arrays

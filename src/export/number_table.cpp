@@ -13,15 +13,15 @@
 namespace pmsp {
 namespace {
 
-constexpr const char* kBlanks = " \t\v\f\r,;";
+constexpr const char* kSeparators = " \t\v\f\r,;";
 
 std::optional<double> finite_number(const std::string& word) {
   const std::optional<double> value = number_from<double>(word);
   return value && std::isfinite(*value) ? value : std::nullopt;
 }
 
-bool is_numbers(const std::string& text) {
-  const std::vector<std::string> words = words_of(text, kBlanks);
+bool is_row_of_numbers(const std::string& text) {
+  const std::vector<std::string> words = words_of(text, kSeparators);
   return std::all_of(words.begin(), words.end(),
                      [](const std::string& word) { return finite_number(word).has_value(); });
 }
@@ -29,7 +29,7 @@ bool is_numbers(const std::string& text) {
 }  // namespace
 
 std::vector<NumberRow> read_number_table(const std::filesystem::path& path, std::string* names) {
-  constexpr std::size_t kLongestName = 1000;
+  constexpr std::size_t kLongestFirst = 1000;
   constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;
   TextInput in(path);
   if (in.size() > kMostBytes) fail(path, "", "is larger than 64 MiB; expected a table of numbers");
@@ -42,18 +42,18 @@ std::vector<NumberRow> read_number_table(const std::filesystem::path& path, std:
     const std::size_t comma = line.find_first_of(",;");
     if (comma != std::string::npos) {
       const std::string first = trimmed(line.substr(0, comma), " \t\r\"");
-      if (!is_numbers(first)) {
-        row.name = first.substr(0, kLongestName);
+      if (!is_row_of_numbers(first)) {
+        row.name = first.substr(0, kLongestFirst);
         line.erase(0, comma);
       }
     }
-    const std::vector<std::string> words = words_of(line, kBlanks);
+    const std::vector<std::string> words = words_of(line, kSeparators);
     std::string no_number;
     for (const std::string& word : words) {
       if (const std::optional<double> value = finite_number(word)) {
         row.numbers.push_back(*value);
       } else if (row.name.empty() && row.numbers.empty()) {
-        row.name = word.substr(0, kLongestName);
+        row.name = word.substr(0, kLongestFirst);
       } else if (no_number.empty()) {
         no_number = word;
       }

@@ -64,12 +64,12 @@ void Octree::add(const OctreePoint& point) {
 }
 
 std::size_t Octree::list_of(const std::array<std::int32_t, 3>& key) {
-  constexpr std::int32_t kHalf = 1 << (kNearBits - 1);
+  constexpr std::int32_t kHalfRange = 1 << (kNearBits - 1);
   bool is_near = true;
   std::size_t number = 0;
   for (const std::int32_t at : key) {
-    is_near = is_near && at >= -kHalf && at < kHalf;
-    number = number << kNearBits | (static_cast<std::size_t>(at + kHalf) & ((1U << kNearBits) - 1));
+    is_near = is_near && at >= -kHalfRange && at < kHalfRange;
+    number = number << kNearBits | (static_cast<std::size_t>(at + kHalfRange) & ((1U << kNearBits) - 1));
   }
   if (is_near && near_[number] >= 0) return static_cast<std::size_t>(near_[number]);
   const auto [found, is_new] = cells_.try_emplace(key, 0);

@@ -24,13 +24,13 @@ std::string vertex_lines(std::int64_t count) {
 
 // Comments, split into lines that begin with "... " after the first: CloudCompare 2.11 stops at lines of 1 KiB.
 std::string comment_lines(std::string text) {
-  constexpr std::size_t kMost = 200;
+  constexpr std::size_t kMostCommentBytes = 200;
   std::replace_if(
       text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
   std::string lines;
-  while (text.size() > kMost) {
-    const std::size_t comma = text.rfind(',', kMost - 1);
-    const std::size_t end = comma != std::string::npos && comma > kMost / 2 ? comma + 1 : kMost;
+  while (text.size() > kMostCommentBytes) {
+    const std::size_t comma = text.rfind(',', kMostCommentBytes - 1);
+    const std::size_t end = comma != std::string::npos && comma > kMostCommentBytes / 2 ? comma + 1 : kMostCommentBytes;
     lines += "comment " + text.substr(0, end) + "\n";
     text = "... " + text.substr(end);
   }

@@ -24,7 +24,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::size_t kPointBytes = 12 + 6 + 12 + 4 + 1;
+constexpr std::size_t kPotreePointBytes = 12 + 6 + 12 + 4 + 1;
 constexpr std::size_t kBlockBytes = std::size_t{1} << 20;
 constexpr std::uint8_t kNode = 0, kLeaf = 1;  // node types in hierarchy.bin
 constexpr double kCellsAlongRoot = 1 << Octree::kCellBits;
@@ -71,7 +71,7 @@ class Potree final : public CloudWriter {
     BackgroundFile::Block block;
     octree_.build([&](const OctreePoint* points, std::size_t count) {
       std::size_t at = block.size();
-      block.resize(at + count * kPointBytes);
+      block.resize(at + count * kPotreePointBytes);
       char* to = block.data() + at;
       for (const OctreePoint* point = points; point != points + count; ++point) to = put_point(to, *point);
       if (block.size() < kBlockBytes) return;
@@ -109,8 +109,8 @@ class Potree final : public CloudWriter {
       append_little(text, node.is_leaf() ? kLeaf : kNode);
       append_little(text, mask);
       append_little(text, node.points);
-      append_little(text, node.first * kPointBytes);
-      append_little(text, node.points * std::uint64_t{kPointBytes});
+      append_little(text, node.first * kPotreePointBytes);
+      append_little(text, node.points * std::uint64_t{kPotreePointBytes});
     }
     return text;
   }

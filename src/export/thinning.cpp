@@ -22,13 +22,13 @@ std::uint64_t mixed(std::uint64_t x) {
 }
 
 /// Position in a pseudo-random order of all points, determined by their keys.
-using Rank = std::tuple<std::uint64_t, std::int64_t, std::uint32_t>;
+using PointRank = std::tuple<std::uint64_t, std::int64_t, std::uint32_t>;
 
 std::uint64_t hash_of(const OutputPoint& point) {
   return mixed(mixed(static_cast<std::uint64_t>(point.keyframe_id)) + point.pixel);
 }
 
-Rank rank_of(const OutputPoint& point) { return {hash_of(point), point.keyframe_id, point.pixel}; }
+PointRank rank_of(const OutputPoint& point) { return {hash_of(point), point.keyframe_id, point.pixel}; }
 
 }  // namespace
 
@@ -141,7 +141,7 @@ class Thinning::Sample {
     lower_last_bin();
     std::int64_t left = most_;  // points remaining for the last bin
     for (std::size_t bin = 0; bin < last_bin_; ++bin) left -= counts_[bin];
-    std::vector<Rank> ranks;
+    std::vector<PointRank> ranks;
     spool_.read(0, [&](const OutputPoint* points, std::size_t count) {
       for (std::size_t i = 0; i < count; ++i) {
         if (hash_of(points[i]) >> kShift == last_bin_) ranks.push_back(rank_of(points[i]));

@@ -20,12 +20,12 @@ struct Mirrors {
 /// Plane of each field of a keyframe's points (kernels/wide_plane.h).
 template <class Processor>
 Array<kernels::WidePlane> wide_planes(Processor& on, const std::uint32_t* surfels) {
-  constexpr std::size_t kShares = std::size_t{kernels::kTiles} * kernels::kTileSide;
+  constexpr std::size_t kTileShares = std::size_t{kernels::kTiles} * kernels::kTileSide;
   const kernels::GridView grid = on.grid();
   const auto found = on.template array<kernels::WidePlane>(kernels::kTiles);
-  const auto supports = on.template array<kernels::FieldSupport>(kShares);
-  auto before = on.template array<kernels::TileSums>(kShares);
-  auto sums = on.template array<kernels::TileSums>(kShares);
+  const auto supports = on.template array<kernels::FieldSupport>(kTileShares);
+  auto before = on.template array<kernels::TileSums>(kTileShares);
+  auto sums = on.template array<kernels::TileSums>(kTileShares);
   for (const float& reach : kernels::kTileReach) {
     std::swap(before, sums);
     const bool is_first = &reach == kernels::kTileReach;

@@ -19,9 +19,9 @@ namespace {
 
 constexpr std::size_t kFewest = 100;
 constexpr std::size_t kMostOfKeyframe = 200;
-constexpr std::size_t kMost = 20000;    ///< enough for a verdict
-constexpr double kClearlyBetter = 0.4;  ///< maximum ratio of median errors for another convention to be named
-constexpr double kStillFits = 0.01;     ///< maximum median error of a convention that fits [image width]
+constexpr std::size_t kMost = 20000;      ///< enough for a verdict
+constexpr double kClearErrorRatio = 0.4;  ///< maximum ratio of median errors for another convention to be named
+constexpr double kStillFits = 0.01;       ///< maximum median error of a convention that fits [image width]
 constexpr double kHalf = 0.5;
 constexpr double kHalfTolerance = 0.15;  ///< [px]
 constexpr double kStandardErrors = 6.0;
@@ -135,7 +135,7 @@ ConventionCheck check_convention(const SlamMap& map) {
   check.median_error_px = errors.back();
   double width = 0.0;
   for (const MapCamera& camera : map.cameras) width = std::max(width, static_cast<double>(camera.width));
-  double best = std::min(kClearlyBetter * check.median_error_px, kStillFits * width);
+  double best = std::min(kClearErrorRatio * check.median_error_px, kStillFits * width);
   for (std::size_t i = 0; i < others.size(); ++i) {
     if (errors[i] >= best) continue;
     best = check.better_error_px = errors[i];

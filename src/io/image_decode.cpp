@@ -43,16 +43,16 @@ std::vector<std::uint8_t> read_bytes(const std::filesystem::path& path) {
 }
 
 /// Header data of a JPEG or PNG; size 0 = other format or broken.
-struct Header {
+struct ImageHeader {
   std::uint64_t width = 0;
   std::uint64_t height = 0;
   bool is_jpeg = false;
   bool truncated = false;  ///< JPEG without end-of-image marker
 };
 
-Header jpeg_header(const std::vector<std::uint8_t>& bytes) {
+ImageHeader jpeg_header(const std::vector<std::uint8_t>& bytes) {
   constexpr std::uint8_t kMark = 0xFF, kEnd = 0xD9, kTables = 0xC4, kExtension = 0xC8, kCoding = 0xCC;
-  Header header;
+  ImageHeader header;
   header.is_jpeg = true;
   std::size_t at = each_jpeg_segment(bytes, [&](std::uint8_t kind, std::size_t segment, std::size_t /*size*/) {
     const bool is_frame = (kind & 0xF0U) == 0xC0U && kind != kTables && kind != kExtension && kind != kCoding;
@@ -78,7 +78,7 @@ std::optional<double> xmp_number(const std::string& text, const std::string& key
 /// Throws InvalidInput for partial panoramas according to the XMP data of cameras and stitchers: as full ones they
 /// would be distorted. Data are stale if the image has the shape of a full panorama and not the size of the part:
 /// programs that pad or resize an image do not update them.
-void refuse_crop(const std::filesystem::path& path, const std::vector<std::uint8_t>& bytes, const Header& header) {
+void refuse_crop(const std::filesystem::path& path, const std::vector<std::uint8_t>& bytes, const ImageHeader& header) {
   const std::string_view all(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const std::size_t begin = all.find("<x:xmpmeta");
   const std::size_t end = begin == std::string_view::npos ? begin : all.find("</x:xmpmeta>", begin);
@@ -101,7 +101,7 @@ void refuse_crop(const std::filesystem::path& path, const std::vector<std::uint8
                      "that size, reconstruct the map from such images, and mask the black (--mask)");
 }
 
-Header header_of(const std::vector<std::uint8_t>& bytes) {
+ImageHeader header_of(const std::vector<std::uint8_t>& bytes) {
   const auto starts_with = [&](std::initializer_list<std::uint8_t> magic) {
     return bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin());
   };
@@ -134,7 +134,7 @@ cv::Mat upright(const std::filesystem::path& path, const cv::Mat& image, int ori
 
 cv::Mat decode_image_file(const std::filesystem::path& path, int imread_flags) {
   const std::vector<std::uint8_t> bytes = read_bytes(path);
-  const Header header = header_of(bytes);
+  const ImageHeader header = header_of(bytes);
   if (header.width * header.height > kMaxPixels)  // small files may declare gigabytes, which OpenCV would allocate
     throw IoError(path.string() + ": is " + std::to_string(header.width) + "x" + std::to_string(header.height) +
                   " pixels; expected at most 16384x8192");

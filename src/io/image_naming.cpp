@@ -69,8 +69,6 @@ enum Rank {
   kLessLikelySeries = 100
 };
 
-bool is_digit(char c) { return c >= '0' && c <= '9'; }
-
 /// Numbers of a name with decimals: "cam0_1763660000.25_left" has 0 and 1763660000.25.
 std::optional<NumberedFile> parse_name(const std::filesystem::path& path) {
   const std::string stem = path.stem().string();

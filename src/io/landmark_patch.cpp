@@ -85,8 +85,8 @@ LandmarkPatch sample_patch(ImageView<const Rgb> image, const PatchPlace& place) 
 
 PatchWithNeighbours sample_with_neighbours(ImageView<const Rgb> image, const PatchPlace& place) {
   constexpr int kReach = kPatchRadius + kBeside;
-  constexpr int kSide = 2 * kReach + 1;
-  std::array<float, kSide * kSide> grid;
+  constexpr int kSamplesAlong = 2 * kReach + 1;
+  std::array<float, kSamplesAlong * kSamplesAlong> grid;
   std::size_t i = 0;
   for (int row = -kReach; row <= kReach; ++row)
     for (int col = -kReach; col <= kReach; ++col) grid[i++] = sample(image, place, col, row);
@@ -95,7 +95,7 @@ PatchWithNeighbours sample_with_neighbours(ImageView<const Rgb> image, const Pat
     std::size_t k = 0;
     for (int r = -kPatchRadius; r <= kPatchRadius; ++r)
       for (int c = -kPatchRadius; c <= kPatchRadius; ++c)
-        patch.values[k++] = grid[static_cast<std::size_t>((row + r + kReach) * kSide + col + c + kReach)];
+        patch.values[k++] = grid[static_cast<std::size_t>((row + r + kReach) * kSamplesAlong + col + c + kReach)];
     normalise(patch);
     return patch;
   };

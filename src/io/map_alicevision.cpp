@@ -19,7 +19,7 @@
 namespace pmsp::map_detail {
 namespace {
 
-bool matches(MapFile& file) {
+bool is_alicevision(MapFile& file) {
   if (!file.is_json()) return false;
   const nlohmann::json& json = file.json();
   if (!json.is_object() || !json.contains("views") || json.contains("sfm_data_version")) return false;
@@ -53,7 +53,7 @@ bool is_before_1_2_1(const JsonValue& json) {
 }
 
 /// Camera index by intrinsic id; -1 = not a panorama.
-std::map<std::int64_t, int> read_cameras(const JsonValue& json, SlamMap& map) {
+std::map<std::int64_t, int> read_alicevision_cameras(const JsonValue& json, SlamMap& map) {
   std::map<std::int64_t, int> cameras;
   const bool from_corner = is_before_1_2_1(json);
   json.at("intrinsics").each_element([&](const JsonValue& entry) {
@@ -81,7 +81,8 @@ std::map<std::int64_t, int> read_cameras(const JsonValue& json, SlamMap& map) {
   return cameras;
 }
 
-std::map<std::int64_t, RigidTransform> read_poses(const JsonValue& json, const std::filesystem::path& path) {
+std::map<std::int64_t, RigidTransform> read_alicevision_poses(const JsonValue& json,
+                                                              const std::filesystem::path& path) {
   std::map<std::int64_t, RigidTransform> poses;
   if (!json.has("poses")) return poses;
   json.at("poses").each_element([&](const JsonValue& entry) {
@@ -101,7 +102,7 @@ std::map<std::int64_t, RigidTransform> read_poses(const JsonValue& json, const s
   return poses;
 }
 
-void read_structure(const JsonValue& json, const std::map<std::int64_t, std::string>& views, SlamMap& map) {
+void read_alicevision_structure(const JsonValue& json, const std::map<std::int64_t, std::string>& views, SlamMap& map) {
   if (!json.has("structure")) return;
   std::map<std::string, MapKeyframe*> by_image;
   for (MapKeyframe& keyframe : map.keyframes) by_image[keyframe.image] = &keyframe;
@@ -120,14 +121,14 @@ void read_structure(const JsonValue& json, const std::map<std::int64_t, std::str
   });
 }
 
-SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
+SlamMap read_alicevision(MapFile& file, const ReadMapOptions& /*options*/) {
   const JsonValue json(file.json(), file.path());
   SlamMap map;
   map.path = file.path();
   map.format = "AliceVision";
   map.pixel_centers_at_integers = true;
-  const std::map<std::int64_t, int> cameras = read_cameras(json, map);
-  const std::map<std::int64_t, RigidTransform> poses = read_poses(json, map.path);
+  const std::map<std::int64_t, int> cameras = read_alicevision_cameras(json, map);
+  const std::map<std::int64_t, RigidTransform> poses = read_alicevision_poses(json, map.path);
   std::map<std::int64_t, std::string> views;  // image by view id
   std::size_t without_pose = 0;
   std::size_t others = 0;
@@ -159,13 +160,13 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
   }
   note_others(map, "views left out, of cameras that are not equirectangular", others);
   number_by_image(map);
-  read_structure(json, views, map);
+  read_alicevision_structure(json, views, map);
   return finalize_map(std::move(map));
 }
 
 }  // namespace
 
 extern const MapFormat kAliceVision;
-const MapFormat kAliceVision{"AliceVision", "cameras.sfm of AliceVision", matches, read};
+const MapFormat kAliceVision{"AliceVision", "cameras.sfm of AliceVision", is_alicevision, read_alicevision};
 
 }  // namespace pmsp::map_detail

@@ -293,7 +293,7 @@ SlamMap read_model(const fs::path& folder) {
   return finalize_map(std::move(map));
 }
 
-SlamMap read(MapFile& file, const ReadMapOptions& options) {
+SlamMap read_colmap(MapFile& file, const ReadMapOptions& options) {
   if (!ending_of_model(file.path()).empty()) return read_model(file.path());
   const std::vector<fs::path> folders = components_in(file.path());
   return read_component(folders.size(), file.path(), options, [&](std::size_t i) { return read_model(folders[i]); });
@@ -302,6 +302,6 @@ SlamMap read(MapFile& file, const ReadMapOptions& options) {
 }  // namespace
 
 extern const MapFormat kColmap;
-const MapFormat kColmap{"COLMAP", "the directory of a model of COLMAP", is_model, read};
+const MapFormat kColmap{"COLMAP", "the directory of a model of COLMAP", is_model, read_colmap};
 
 }  // namespace pmsp::map_detail

@@ -21,7 +21,7 @@
 namespace pmsp::map_detail {
 namespace {
 
-bool matches(MapFile& file) {
+bool is_metashape(MapFile& file) {
   return file.is_text() && file.begins_with("<") && file.head().find("<document") != std::string::npos;
 }
 
@@ -212,7 +212,7 @@ class PartReader {
   std::size_t others_ = 0;
 };
 
-SlamMap read(MapFile& file, const ReadMapOptions& options) {
+SlamMap read_metashape(MapFile& file, const ReadMapOptions& options) {
   require_regular_file(file.path());
   pugi::xml_document document;
   const pugi::xml_parse_result result = document.load_file(file.path().c_str());
@@ -230,6 +230,6 @@ SlamMap read(MapFile& file, const ReadMapOptions& options) {
 }  // namespace
 
 extern const MapFormat kMetashape;
-const MapFormat kMetashape{"Metashape", "cameras of Metashape as XML", matches, read};
+const MapFormat kMetashape{"Metashape", "cameras of Metashape as XML", is_metashape, read_metashape};
 
 }  // namespace pmsp::map_detail

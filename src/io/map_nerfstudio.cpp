@@ -16,7 +16,7 @@
 namespace pmsp::map_detail {
 namespace {
 
-bool matches(MapFile& file) {
+bool is_nerfstudio(MapFile& file) {
   if (!file.is_json()) return false;
   const nlohmann::json& json = file.json();
   return json.is_object() && json.contains("frames") && !json.contains("sfm_data_version");
@@ -78,7 +78,7 @@ std::filesystem::path mask_file(const std::filesystem::path& folder, const JsonV
   return folder / (is_inside ? std::filesystem::path(name).lexically_normal() : std::filesystem::path(name).filename());
 }
 
-SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
+SlamMap read_nerfstudio(MapFile& file, const ReadMapOptions& /*options*/) {
   const JsonValue json(file.json(), file.path());
   SlamMap map;
   map.path = file.path();
@@ -122,6 +122,6 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
 }  // namespace
 
 extern const MapFormat kNerfstudio;
-const MapFormat kNerfstudio{"nerfstudio", "transforms.json of nerfstudio", matches, read};
+const MapFormat kNerfstudio{"nerfstudio", "transforms.json of nerfstudio", is_nerfstudio, read_nerfstudio};
 
 }  // namespace pmsp::map_detail

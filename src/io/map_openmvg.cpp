@@ -19,7 +19,7 @@ namespace {
 constexpr std::int64_t kNone = 0xFFFFFFFF;
 constexpr std::int64_t kFirstOfItsType = 0x80000000;
 
-bool matches(MapFile& file) {
+bool is_openmvg(MapFile& file) {
   if (!file.is_json()) return false;
   const nlohmann::json& json = file.json();
   return json.is_object() && json.contains("sfm_data_version");
@@ -32,7 +32,7 @@ JsonValue data_of(const JsonValue& value) {
 }
 
 /// Camera index by intrinsic id; -1 = not a panorama.
-std::map<std::int64_t, int> read_cameras(const JsonValue& json, SlamMap& map) {
+std::map<std::int64_t, int> read_openmvg_cameras(const JsonValue& json, SlamMap& map) {
   std::map<std::int64_t, int> cameras;
   std::map<std::int64_t, std::string> types;
   json.at("intrinsics").each_element([&](const JsonValue& entry) {
@@ -52,7 +52,7 @@ std::map<std::int64_t, int> read_cameras(const JsonValue& json, SlamMap& map) {
   return cameras;
 }
 
-std::map<std::int64_t, RigidTransform> read_poses(const JsonValue& json, const std::filesystem::path& path) {
+std::map<std::int64_t, RigidTransform> read_openmvg_poses(const JsonValue& json, const std::filesystem::path& path) {
   std::map<std::int64_t, RigidTransform> poses;
   json.at("extrinsics").each_element([&](const JsonValue& entry) {
     const JsonValue rotation = entry.at("value").at("rotation");
@@ -65,7 +65,7 @@ std::map<std::int64_t, RigidTransform> read_poses(const JsonValue& json, const s
   return poses;
 }
 
-void read_structure(const JsonValue& json, SlamMap& map) {
+void read_openmvg_structure(const JsonValue& json, SlamMap& map) {
   std::map<std::int64_t, MapKeyframe*> keyframes;
   for (MapKeyframe& keyframe : map.keyframes) {
     if (!keyframes.emplace(keyframe.id, &keyframe).second) {
@@ -87,14 +87,14 @@ void read_structure(const JsonValue& json, SlamMap& map) {
   });
 }
 
-SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
+SlamMap read_openmvg(MapFile& file, const ReadMapOptions& /*options*/) {
   const JsonValue json(file.json(), file.path());
   SlamMap map;
   map.path = file.path();
   map.format = "openMVG " + json.at("sfm_data_version").text();
   map.pixel_centers_at_integers = true;
-  const std::map<std::int64_t, int> cameras = read_cameras(json, map);
-  const std::map<std::int64_t, RigidTransform> poses = read_poses(json, map.path);
+  const std::map<std::int64_t, int> cameras = read_openmvg_cameras(json, map);
+  const std::map<std::int64_t, RigidTransform> poses = read_openmvg_poses(json, map.path);
   std::size_t without_pose = 0;
   std::size_t others = 0;
   json.at("views").each_element([&](const JsonValue& entry) {
@@ -123,7 +123,7 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
   });
   if (without_pose > 0) map.notes.push_back("views left out, without a pose: " + std::to_string(without_pose));
   note_others(map, "views left out, of cameras that are not spherical", others);
-  read_structure(json, map);
+  read_openmvg_structure(json, map);
   map.images = inner_folder(json.at("root_path").text(), map);
   return finalize_map(std::move(map));
 }
@@ -131,6 +131,6 @@ SlamMap read(MapFile& file, const ReadMapOptions& /*options*/) {
 }  // namespace
 
 extern const MapFormat kOpenMvg;
-const MapFormat kOpenMvg{"openMVG", "sfm_data.json of openMVG", matches, read};
+const MapFormat kOpenMvg{"openMVG", "sfm_data.json of openMVG", is_openmvg, read_openmvg};
 
 }  // namespace pmsp::map_detail

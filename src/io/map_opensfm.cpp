@@ -23,7 +23,7 @@ bool is_reconstruction(const nlohmann::json& json) {
   return json.is_object() && json.contains("shots") && json.contains("cameras");
 }
 
-bool matches(MapFile& file) {
+bool is_opensfm(MapFile& file) {
   if (!file.is_json()) return false;
   const nlohmann::json& json = file.json();
   return is_reconstruction(json) || (json.is_array() && !json.empty() && is_reconstruction(json.front()));
@@ -142,7 +142,7 @@ SlamMap read_one(const JsonValue& json) {
   return finalize_map(std::move(map));
 }
 
-SlamMap read(MapFile& file, const ReadMapOptions& options) {
+SlamMap read_opensfm(MapFile& file, const ReadMapOptions& options) {
   const JsonValue all(file.json(), file.path());
   if (file.json().is_object()) return read_one(all);
   return read_component(all.size(), file.path(), options, [&](std::size_t i) { return read_one(all.element(i)); });
@@ -151,6 +151,6 @@ SlamMap read(MapFile& file, const ReadMapOptions& options) {
 }  // namespace
 
 extern const MapFormat kOpenSfm;
-const MapFormat kOpenSfm{"OpenSfM", "reconstruction.json of OpenSfM", matches, read};
+const MapFormat kOpenSfm{"OpenSfM", "reconstruction.json of OpenSfM", is_opensfm, read_opensfm};
 
 }  // namespace pmsp::map_detail

@@ -14,6 +14,7 @@
 #include "panorama_size.h"
 #include "pmsp/error.h"
 #include "pmsp/types.h"
+#include "util/text.h"
 
 namespace pmsp::map_detail {
 namespace {
@@ -23,8 +24,6 @@ constexpr int kWidthIfUnknown_px = 2048;  ///< [px]
 std::string name_of(const MapKeyframe& keyframe) {
   return "keyframe " + std::to_string(keyframe.id) + (keyframe.image.empty() ? "" : " " + in_quotes(keyframe.image));
 }
-
-bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
 /// Natural order: "frame_9.jpg" before "frame_10.jpg".
 bool before(const std::string& a, const std::string& b) {

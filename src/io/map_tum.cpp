@@ -13,9 +13,9 @@
 namespace pmsp::map_detail {
 namespace {
 
-bool matches(MapFile& file) { return file.is_text() && is_trajectory(file.head()); }
+bool is_tum(MapFile& file) { return file.is_text() && is_trajectory(file.head()); }
 
-SlamMap read(MapFile& file, const ReadMapOptions& options) {
+SlamMap read_tum(MapFile& file, const ReadMapOptions& options) {
   Trajectory trajectory = read_trajectory(file.path());
   SlamMap map;
   map.path = file.path();
@@ -45,6 +45,6 @@ SlamMap read(MapFile& file, const ReadMapOptions& options) {
 }  // namespace
 
 extern const MapFormat kTum;
-const MapFormat kTum{"TUM", "a trajectory (TUM, EuRoC, VINS, KITTI)", matches, read};
+const MapFormat kTum{"TUM", "a trajectory (TUM, EuRoC, VINS, KITTI)", is_tum, read_tum};
 
 }  // namespace pmsp::map_detail

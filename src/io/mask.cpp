@@ -34,7 +34,7 @@ Span covered(int i, int n_source, int n_target) {
   return {static_cast<int>(begin), static_cast<int>(end)};
 }
 
-constexpr int kLookedAt = 640;  ///< maximum number of columns and rows sampled
+constexpr int kSampledPixels = 640;  ///< maximum number of columns and rows sampled
 constexpr std::size_t kCommonest = 8;
 constexpr double kMaxOthers = 0.1;
 
@@ -42,7 +42,8 @@ using Colours = std::vector<std::pair<std::uint64_t, double>>;  ///< with shares
 
 Colours count_colours(const cv::Mat& image) {
   cv::Mat some;
-  cv::resize(image, some, {std::min(image.cols, kLookedAt), std::min(image.rows, kLookedAt)}, 0, 0, cv::INTER_NEAREST);
+  cv::resize(image, some, {std::min(image.cols, kSampledPixels), std::min(image.rows, kSampledPixels)}, 0, 0,
+             cv::INTER_NEAREST);
   some.convertTo(some, CV_16U);
   std::unordered_map<std::uint64_t, int> counts;
   for (int y = 0; y < some.rows; ++y) {
@@ -210,10 +211,10 @@ double hidden_share(ImageView<const std::uint8_t> mask) {
 }  // namespace io
 
 bool may_have_alpha(const std::filesystem::path& image) {
-  constexpr std::size_t kMost = std::size_t{1} << 14;
+  constexpr std::size_t kHeadBytes = std::size_t{1} << 14;
   if (is_jpeg(image) || !is_file(image)) return false;
   std::ifstream file(image, std::ios::binary);
-  std::vector<std::uint8_t> bytes(kMost);
+  std::vector<std::uint8_t> bytes(kHeadBytes);
   file.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   bytes.resize(static_cast<std::size_t>(file.gcount()));
   const auto starts_with = [&](const std::string& magic) {

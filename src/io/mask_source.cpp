@@ -22,8 +22,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kKept = 4;       ///< cached masks of different sizes
-constexpr std::size_t kLookedAt = 16;  ///< sampled images
+constexpr std::size_t kKept = 4;            ///< cached masks of different sizes
+constexpr std::size_t kSampledImages = 16;  ///< sampled images
 constexpr const char* kMasksFolder = "masks";
 
 bool is_yaml(const fs::path& path) { return path.extension() == ".yaml" || path.extension() == ".yml"; }
@@ -252,7 +252,7 @@ ImageView<const std::uint8_t> MaskSource::mask_for(const fs::path& image, int wi
 /// Evaluates a sample of the images, all of which may have a mask.
 void MaskSource::add_to_summary(const std::vector<fs::path>& images, int width, int height, MaskSummary& summary) {
   std::map<fs::path, double> hidden_by;  // by file
-  const std::size_t count = std::min(kLookedAt, images.size());
+  const std::size_t count = std::min(kSampledImages, images.size());
   for (std::size_t i = 0; i < count; ++i) {
     const fs::path& image = images[images.size() * i / count];
     const double hidden = io::hidden_share(mask_for(image, width, height));

@@ -11,7 +11,7 @@
 namespace pmsp::io {
 namespace {
 
-constexpr std::size_t kClearImages = 8;  ///< decoded at least, until a clear verdict ends the check
+constexpr std::size_t kFewestDecoded = 8;  ///< decoded at least, until a clear verdict ends the check
 
 constexpr double kSameDepth = 1.25;          ///< maximum ratio of equal depths
 constexpr float kSameDirection = 0.01F;      ///< maximum distance in the image [width]
@@ -141,7 +141,7 @@ Mission::ImageCheck Mission::check_images() const {
     }
     const bool is_clear = !check.pairing || (check.pairing->conclusive && !check.pairing->doubtful);
     reader.release_async(*std::move(read.item));
-    if (is_clear && count >= kClearImages) return check;
+    if (is_clear && count >= kFewestDecoded) return check;
   }
   if (check.width == 0 && !reader.first_error().empty()) {
     throw IoError("no image can be read; the first one: " + reader.first_error());

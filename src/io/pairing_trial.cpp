@@ -13,21 +13,21 @@
 namespace pmsp::io {
 namespace {
 
-constexpr std::size_t kLandmarks = 300;      ///< per image
-constexpr std::size_t kScanLandmarks = 100;  ///< per image, in a search over many anchors
-constexpr int kComparisons = 30;             ///< minimum for a verdict
-constexpr double kPoorFit = 0.25;            ///< minimum fit of poor images
-constexpr std::size_t kRun = 4;              ///< keyframes per run
-constexpr std::size_t kFirst = 12;           ///< keyframes at the beginning among which a run may start
-constexpr std::size_t kCommon = 60;          ///< common landmarks beyond which a pair is no better
-constexpr double kParallax = 0.2;            ///< ratio of baseline and distance beyond which a pair is no better
-constexpr double kHopeless = 0.2;            ///< fit of two images below which the others of a run are skipped
-constexpr double kFoundFit = 0.5;            ///< above the best of many wrong anchors
-constexpr int kBehindPeak = 8;               ///< frames without a better anchor before the best one is verified
-constexpr double kPlateau = 0.15;            ///< fit below that of the best anchor, for verification
-constexpr std::int64_t kBeside = 3;          ///< frames around the best anchor that are also verified
-constexpr std::size_t kPeaks = 4;            ///< maximum number verified after all anchors were tried
-constexpr double kAlike = 0.1;               ///< difference in fit of equally good anchors
+constexpr std::size_t kTrialLandmarks = 300;  ///< per image
+constexpr std::size_t kScanLandmarks = 100;   ///< per image, in a search over many anchors
+constexpr int kComparisons = 30;              ///< minimum for a verdict
+constexpr double kPoorFit = 0.25;             ///< minimum fit of poor images
+constexpr std::size_t kRun = 4;               ///< keyframes per run
+constexpr std::size_t kFirst = 12;            ///< keyframes at the beginning among which a run may start
+constexpr std::size_t kCommon = 60;           ///< common landmarks beyond which a pair is no better
+constexpr double kParallax = 0.2;             ///< ratio of baseline and distance beyond which a pair is no better
+constexpr double kHopeless = 0.2;             ///< fit of two images below which the others of a run are skipped
+constexpr double kFoundFit = 0.5;             ///< above the best of many wrong anchors
+constexpr int kBehindPeak = 8;                ///< frames without a better anchor before the best one is verified
+constexpr double kPlateau = 0.15;             ///< fit below that of the best anchor, for verification
+constexpr std::int64_t kBeside = 3;           ///< frames around the best anchor that are also verified
+constexpr std::size_t kPeaks = 4;             ///< maximum number verified after all anchors were tried
+constexpr double kAlike = 0.1;                ///< difference in fit of equally good anchors
 
 Evidence evidence_of(const PairingSeries& series) {
   return {series.found().tries(), series.fit(), series.least_fit(), series.likeness(), series.fit_deviation()};
@@ -151,7 +151,7 @@ bool Evidence::may_fit() const {
 }
 
 Evidence try_images(const SlamMap& map, const Keyframes& keyframes, const ImageOf& image_of, const Presentation& how) {
-  PairingSeries series(map, kLandmarks);
+  PairingSeries series(map, kTrialLandmarks);
   for (const MapKeyframe* keyframe : keyframes) {
     const Image<Rgb>* image = image_of(*keyframe);
     if (image != nullptr) series.add(*keyframe, image->view(), how);

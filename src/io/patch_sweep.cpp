@@ -15,7 +15,7 @@
 namespace pmsp::io {
 namespace {
 
-constexpr int kWidth = 512;           ///< maximum width of the gray images [px]
+constexpr int kSweepWidth = 512;      ///< maximum width of the gray images [px]
 constexpr int kCell = 12;             ///< side of the squares with one patch each [px]
 constexpr double kMaxLatitude = 1.2;  ///< [rad]
 constexpr int kRadius = 2;            ///< patch radius [samples]
@@ -24,7 +24,7 @@ constexpr int kSamples = kSide * kSide;
 constexpr int kLanes = 4;
 constexpr int kStored = (kSamples + kLanes - 1) / kLanes * kLanes;
 constexpr double kSpacing = 1.5;  ///< between samples [px]
-constexpr std::size_t kNeighbours = 6;
+constexpr std::size_t kComparedNeighbours = 6;
 constexpr double kNearest = 0.4;  ///< minimum depth [distance to the farthest source view]
 constexpr double kFarthest = 60.0;
 constexpr int kDepths = 160;           ///< evenly spaced in 1 / depth, hence in the images
@@ -42,12 +42,12 @@ constexpr float kLevel = static_cast<float>(kOne) * kOne;  ///< scale of samples
 using Samples = std::array<float, kStored>;
 
 /// Position of a patch in an image, from the centre of the first pixel: centre and steps between samples [px].
-struct Place {
+struct SweepPlace {
   float x, y, right_x, right_y, down_x, down_y;
 };
 
 /// False if part of it is outside the padded image.
-bool sample(const SweepImage& image, const Place& place, Samples& out) {
+bool sample(const SweepImage& image, const SweepPlace& place, Samples& out) {
   const float reach_x = kRadius * (std::abs(place.right_x) + std::abs(place.down_x)) + 1.0F;
   const float reach_y = kRadius * (std::abs(place.right_y) + std::abs(place.down_y)) + 1.0F;
   if (!(reach_x < SweepImage::kMargin && place.y - reach_y > -SweepImage::kBorder &&
@@ -130,14 +130,14 @@ class Ray {
     shift_ = view_from_ref.translation.cast<float>();
   }
 
-  Place at(float inverse_depth, int height) const {
+  SweepPlace at(float inverse_depth, int height) const {
     const Eigen::Vector3f p = bearing_ + inverse_depth * shift_;
     const float across = p.x() * p.x() + p.z() * p.z() + 1e-12F;
     const float flat = std::sqrt(across);
     const float square = across + p.y() * p.y();
     const float by_x = scale_ / across;
     const float by_y = scale_ / (flat * square);
-    Place place;
+    SweepPlace place;
     place.x = middle_x_ + scale_ * kernels::atan2(p.x(), p.z());
     place.y = 0.5F * static_cast<float>(height) - 0.5F + scale_ * kernels::atan2(p.y(), flat);
     place.right_x = by_x * (p.z() * right_.x() - p.x() * right_.z());
@@ -156,7 +156,7 @@ class Ray {
 /// Size of the better two thirds of the views: the patch may be occluded in the others.
 std::size_t that_count(std::size_t views) { return (2 * views + 2) / 3; }
 
-using Scores = std::array<float, kNeighbours>;
+using Scores = std::array<float, kComparedNeighbours>;
 
 /// Inserts into `count` scores in descending order.
 void insert(Scores& best, std::size_t count, float score) {
@@ -286,7 +286,7 @@ std::vector<Eigen::Vector2f> corners_of(const cv::Mat& gray, const cv::Mat& room
 }  // namespace
 
 SweepImage::SweepImage(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask)
-    : width_(std::min(kWidth, image.width)), height_(std::max(2, width_ / 2)) {
+    : width_(std::min(kSweepWidth, image.width)), height_(std::max(2, width_ / 2)) {
   cv::Mat gray;
   const cv::Size size(width_, height_);
   cv::resize(gray_of(image), gray, size, 0.0, 0.0, cv::INTER_AREA);
@@ -341,7 +341,7 @@ std::vector<std::size_t> PatchSweep::neighbours_of(std::size_t i) const {
   for (std::size_t k = 0; k < views_.size(); ++k) {
     if (k != i && distance(i, k) > 0.0) others.emplace_back(distance(i, k), k);
   }
-  const auto last = others.begin() + static_cast<std::ptrdiff_t>(std::min(kNeighbours, others.size()));
+  const auto last = others.begin() + static_cast<std::ptrdiff_t>(std::min(kComparedNeighbours, others.size()));
   std::partial_sort(others.begin(), last, others.end());
   std::vector<std::size_t> result;
   for (auto it = last; it != others.begin();) result.push_back((--it)->second);

@@ -12,8 +12,8 @@ namespace pmsp {
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr const char* kFormat = "pmsp plan";
-constexpr int kVersion = 1;
+constexpr const char* kPlanFormat = "pmsp plan";
+constexpr int kPlanVersion = 1;
 
 Json to_json(const PlanEntry& entry) {
   Json json{{"id", entry.id},
@@ -57,8 +57,8 @@ PlanEntry entry_from(const JsonValue& json) {
 }  // namespace
 
 std::string plan_json(const Plan& plan) {
-  std::string text = "{\n\"format\": \"" + std::string(kFormat) + "\",\n\"version\": " + std::to_string(kVersion) +
-                     ",\n\"entries\": [";
+  std::string text = "{\n\"format\": \"" + std::string(kPlanFormat) +
+                     "\",\n\"version\": " + std::to_string(kPlanVersion) + ",\n\"entries\": [";
   for (std::size_t i = 0; i < plan.entries.size(); ++i) {
     text += (i == 0 ? "\n" : ",\n") + to_json(plan.entries[i]).dump();
   }
@@ -69,10 +69,10 @@ Plan plan_from_json(const std::string& text, const std::string& where) {
   const std::filesystem::path path(where);
   const nlohmann::json json = parse_json(text, path);
   const JsonValue root(json, path);
-  if (!root.has("format") || root.at("format").text() != kFormat) {
-    fail(path, "", std::string("is no plan; expected \"format\": \"") + kFormat + "\"");
+  if (!root.has("format") || root.at("format").text() != kPlanFormat) {
+    fail(path, "", std::string("is no plan; expected \"format\": \"") + kPlanFormat + "\"");
   }
-  if (root.at("version").integer() != kVersion) root.at("version").refuse(std::to_string(kVersion));
+  if (root.at("version").integer() != kPlanVersion) root.at("version").refuse(std::to_string(kPlanVersion));
   Plan plan;
   root.at("entries").each_element([&](const JsonValue& entry) { plan.entries.push_back(entry_from(entry)); });
   return plan;

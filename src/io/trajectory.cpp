@@ -19,10 +19,10 @@ namespace pmsp::map_detail {
 namespace {
 
 constexpr std::size_t kMostColumns = 64;
-constexpr std::size_t kTum = 8;
-constexpr std::size_t kKitti = 12;
-constexpr std::size_t kVins = 11;   ///< with velocities
-constexpr std::size_t kEuroc = 17;  ///< with velocities and biases
+constexpr std::size_t kTumColumns = 8;
+constexpr std::size_t kKittiColumns = 12;
+constexpr std::size_t kVinsColumns = 11;   ///< with velocities
+constexpr std::size_t kEurocColumns = 17;  ///< with velocities and biases
 constexpr const char* kBlanks = " \t\r,;";
 
 /// Which columns of a line hold what; those of quaternions in the order x, y, z, w.
@@ -34,7 +34,7 @@ struct Columns {
 constexpr std::array<std::size_t, 4> kWFirst{5, 6, 7, 4};
 
 /// A line as it stands.
-struct Row {
+struct PoseRow {
   std::vector<double> values;
   std::size_t line = 0;
 };
@@ -94,9 +94,9 @@ std::optional<Columns> columns_named(std::string line) {
   return columns;
 }
 
-std::vector<Row> read_rows(const std::filesystem::path& path, Style& style) {
+std::vector<PoseRow> read_rows(const std::filesystem::path& path, Style& style) {
   TextInput in(path);
-  std::vector<Row> rows;
+  std::vector<PoseRow> rows;
   while (in.next_line()) {
     if (in.at_end()) continue;
     const std::string line = in.rest("the pose");
@@ -108,7 +108,7 @@ std::vector<Row> read_rows(const std::filesystem::path& path, Style& style) {
       }
     }
     if (line[0] == '#') continue;
-    Row row;
+    PoseRow row;
     row.line = in.number_of_line();
     if (words.size() > kMostColumns) in.refuse("has more than 64 columns, expected a pose");
     for (const std::string& word : words) {
@@ -129,18 +129,18 @@ std::vector<Row> read_rows(const std::filesystem::path& path, Style& style) {
   return rows;
 }
 
-std::array<double, 4> quaternion_of(const Row& row, const std::array<std::size_t, 4>& columns) {
+std::array<double, 4> quaternion_of(const PoseRow& row, const std::array<std::size_t, 4>& columns) {
   return {row.values[columns[0]], row.values[columns[1]], row.values[columns[2]], row.values[columns[3]]};
 }
 
 /// How much the camera moves in one direction of its own, 0 to 1, by one reading of the quaternions; a camera that is
 /// carried mostly looks the same way along its path. nullopt: too few moves to say.
-std::optional<double> steadiness(const std::vector<Row>& rows, const Columns& columns) {
+std::optional<double> steadiness(const std::vector<PoseRow>& rows, const Columns& columns) {
   constexpr std::size_t kFewest = 8;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   std::size_t moves = 0;
-  const Row* before = nullptr;
-  for (const Row& row : rows) {
+  const PoseRow* before = nullptr;
+  for (const PoseRow& row : rows) {
     const std::array<double, 4> q = quaternion_of(row, columns.rotation);
     if (is_invalid_pose(q)) continue;
     if (before != nullptr) {
@@ -161,18 +161,18 @@ std::optional<double> steadiness(const std::vector<Row>& rows, const Columns& co
 }
 
 /// The angle of a row's rotation [rad].
-double angle_of(const Row& row, const Columns& columns) {
+double angle_of(const PoseRow& row, const Columns& columns) {
   const std::array<double, 4> q = quaternion_of(row, columns.rotation);
   return 2.0 * std::atan2(std::hypot(q[0], q[1], q[2]), std::abs(q[3]));
 }
 
 /// Whether a camera, y down, stands upright throughout in a world with y down or z up.
-bool is_upright(const std::vector<Row>& rows, const Columns& columns) {
+bool is_upright(const std::vector<PoseRow>& rows, const Columns& columns) {
   constexpr double kTogether = 0.8;
   constexpr double kDown = 0.85;  // the cosine of about 30 degrees
   Eigen::Vector3d down = Eigen::Vector3d::Zero();
   std::size_t poses = 0;
-  for (const Row& row : rows) {
+  for (const PoseRow& row : rows) {
     const std::array<double, 4> q = quaternion_of(row, columns.rotation);
     if (is_invalid_pose(q)) continue;
     down += Eigen::Quaterniond(q[3], q[0], q[1], q[2]).normalized() * Eigen::Vector3d::UnitY();
@@ -184,14 +184,15 @@ bool is_upright(const std::vector<Row>& rows, const Columns& columns) {
 /// The order of quaternions in a file that does not name its columns. The angles between poses are the same in both
 /// readings, so other things decide: most programs begin without a rotation, which the other reading turns by half a
 /// turn; cameras stand upright; and along its path a camera keeps looking the same way. `likely`: by the file's style.
-bool is_w_first(const std::vector<Row>& rows, bool likely, std::string& why) {
+bool is_w_first(const std::vector<PoseRow>& rows, bool likely, std::string& why) {
   constexpr double kUnturned = 0.26;  // [rad], 15 degrees
   constexpr double kSteady = 0.7;
   constexpr double kSteadier = 0.25;
   Columns w_last, w_first;
   w_first.rotation = kWFirst;
-  const auto first = std::find_if(
-      rows.begin(), rows.end(), [&](const Row& row) { return !is_invalid_pose(quaternion_of(row, w_last.rotation)); });
+  const auto first = std::find_if(rows.begin(), rows.end(), [&](const PoseRow& row) {
+    return !is_invalid_pose(quaternion_of(row, w_last.rotation));
+  });
   if (first == rows.end()) return likely;
   const auto is_usual = [&](const Columns& columns) {
     return angle_of(*first, columns) < kUnturned || is_upright(rows, columns);
@@ -212,7 +213,7 @@ bool is_w_first(const std::vector<Row>& rows, bool likely, std::string& why) {
 }
 
 /// Steps of a camera are of a millisecond or more, also where whole numbers are too small for Unix times.
-bool are_nanoseconds(const std::vector<Row>& rows, std::size_t column) {
+bool are_nanoseconds(const std::vector<PoseRow>& rows, std::size_t column) {
   constexpr double kMillisecond = 1e6;
   std::vector<double> steps;
   for (std::size_t i = 1; i < rows.size(); ++i) {
@@ -223,12 +224,12 @@ bool are_nanoseconds(const std::vector<Row>& rows, std::size_t column) {
 
 RigidTransform lost_pose() { return {invalid_rotation(), Eigen::Vector3d::Constant(std::nan(""))}; }
 
-Trajectory read_matrices(const std::vector<Row>& rows, const std::filesystem::path& path) {
+Trajectory read_matrices(const std::vector<PoseRow>& rows, const std::filesystem::path& path) {
   Trajectory result;
   result.format = "KITTI poses";
   result.notes.emplace_back(
       "poses have no timestamps; line N is read as frame N - 1, unless --image-list names the images");
-  for (const Row& row : rows) {
+  for (const PoseRow& row : rows) {
     Eigen::Matrix<double, 3, 4> m;
     for (Eigen::Index i = 0; i < 3; ++i) {
       for (Eigen::Index k = 0; k < 4; ++k) m(i, k) = row.values[static_cast<std::size_t>(4 * i + k)];
@@ -266,8 +267,8 @@ bool is_trajectory(const std::string& head) {
       if (is_comment || names) continue;
       return false;
     }
-    const bool has_more = count == kVins || count == kEuroc;
-    return count == kTum || count == kKitti || (is_named && count > kTum) ||
+    const bool has_more = count == kVinsColumns || count == kEurocColumns;
+    return count == kTumColumns || count == kKittiColumns || (is_named && count > kTumColumns) ||
            (has_more && line.find(',') != std::string::npos);
   }
   return false;
@@ -275,18 +276,18 @@ bool is_trajectory(const std::string& head) {
 
 Trajectory read_trajectory(const std::filesystem::path& path) {
   Style style;
-  const std::vector<Row> rows = read_rows(path, style);
+  const std::vector<PoseRow> rows = read_rows(path, style);
   if (rows.empty()) fail(path, "", "holds no pose, expected one a line");
   const std::size_t count = rows.front().values.size();
-  if (count == kKitti && !style.named) return read_matrices(rows, path);
+  if (count == kKittiColumns && !style.named) return read_matrices(rows, path);
   Trajectory result;
   result.has_times = true;
   Columns columns = style.named.value_or(Columns{});
-  const bool is_euroc = style.has_commas && (style.ends_with_comma || count == kVins || count == kEuroc);
+  const bool is_euroc = style.has_commas && (style.ends_with_comma || count == kVinsColumns || count == kEurocColumns);
   const bool has_nanoseconds =
       style.has_commas && style.has_whole_times && count > columns.time && are_nanoseconds(rows, columns.time);
   std::string why;
-  if (!style.named && (count < kTum || (count > kTum && !is_euroc))) {
+  if (!style.named && (count < kTumColumns || (count > kTumColumns && !is_euroc))) {
     fail(path, "line " + std::to_string(rows.front().line),
          "has " + std::to_string(count) +
              " numbers, expected 8 (timestamp tx ty tz qx qy qz qw), 12 (KITTI: the rows of a matrix), or a first line "
@@ -314,7 +315,7 @@ Trajectory read_trajectory(const std::filesystem::path& path) {
   const std::size_t last = std::max({columns.time, *std::max_element(columns.position.begin(), columns.position.end()),
                                      *std::max_element(columns.rotation.begin(), columns.rotation.end())});
   std::size_t unnormalised = 0;
-  for (const Row& row : rows) {
+  for (const PoseRow& row : rows) {
     const std::string where = "line " + std::to_string(row.line);
     if (row.values.size() <= last) fail(path, where, "has fewer numbers than columns are named");
     TrajectoryPose& pose = result.poses.emplace_back();
@@ -377,7 +378,7 @@ RigidTransform read_camera_from_body(const std::filesystem::path& path, std::str
     }
     numbers.push_back(*value);
   }
-  const Row row{numbers, 0};
+  const PoseRow row{numbers, 0};
   std::size_t ignored = 0;
   RigidTransform result;
   if (numbers.size() == 7) {

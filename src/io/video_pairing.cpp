@@ -15,15 +15,15 @@ namespace {
 
 using Reading = VideoPairing::Reading;
 
-constexpr double kWhole = 0.05;        ///< maximum deviation of a frame index from a whole number [frames]
-constexpr double kSameFrame = 0.5;     ///< readings that differ by less give the same frames [frames]
-constexpr double kNeighbours = 2.0;    ///< readings that differ by less need no decision [frames]
-constexpr double kAlike = 0.06;        ///< difference in fit of equally good readings
-constexpr double kBetter = 0.03;       ///< required lead in fit of a shifted reading
-constexpr std::int64_t kNear = 5;      ///< maximum shift of a reading that fits [frames]
-constexpr double kEarly = 300.0;       ///< maximum frame of a first keyframe with Unix time
-constexpr std::size_t kLatePairs = 3;  ///< pairs for the comparison of readings
-constexpr std::int64_t kBefore = 30;   ///< frames decoded before that of the first keyframe
+constexpr double kWholeFrame = 0.05;         ///< maximum deviation of a frame index from a whole number [frames]
+constexpr double kSameFrame = 0.5;           ///< readings that differ by less give the same frames [frames]
+constexpr double kNeighbouringFrames = 2.0;  ///< readings that differ by less need no decision [frames]
+constexpr double kAlikeReadings = 0.06;      ///< difference in fit of equally good readings
+constexpr double kBetter = 0.03;             ///< required lead in fit of a shifted reading
+constexpr std::int64_t kNear = 5;            ///< maximum shift of a reading that fits [frames]
+constexpr double kEarly = 300.0;             ///< maximum frame of a first keyframe with Unix time
+constexpr std::size_t kLatePairs = 3;        ///< pairs for the comparison of readings
+constexpr std::int64_t kBefore = 30;         ///< frames decoded before that of the first keyframe
 
 std::string with_sign(std::int64_t offset) {
   if (offset == 0) return "";
@@ -116,7 +116,7 @@ class Chooser {
   bool are_whole_frames(double fps) const {
     return is_frame_rate(fps) && std::all_of(map_.keyframes.begin(), map_.keyframes.end(), [&](const MapKeyframe& k) {
              const double index = k.timestamp * unit_ * fps;
-             return std::abs(index - std::round(index)) < kWhole;
+             return std::abs(index - std::round(index)) < kWholeFrame;
            });
   }
 
@@ -275,7 +275,8 @@ class Chooser {
   VideoPairing best_of(std::vector<Tried> fitting) const {
     std::stable_sort(fitting.begin(), fitting.end(), [](const Tried& a, const Tried& b) { return a.fit > b.fit; });
     const double apart = std::abs((latest_ - first_) * (rate_ - video_.fps()));
-    if (fitting.size() > 1 && apart > kNeighbours && fitting[1].fit > fitting[0].fit - kAlike) refuse_alike();
+    if (fitting.size() > 1 && apart > kNeighbouringFrames && fitting[1].fit > fitting[0].fit - kAlikeReadings)
+      refuse_alike();
     return fitting.front().pairing;
   }
 

@@ -10,7 +10,7 @@
 namespace pmsp::io {
 namespace {
 
-constexpr double kFallbackFps = 30.0;  ///< if the video has no rate; step of frames without time
+constexpr double kFallbackStepFps = 30.0;  ///< if the video has no rate; step of frames without time
 
 }  // namespace
 
@@ -49,7 +49,7 @@ bool VideoReader::advance() {
   ++index_;
   const double time = capture_.get(cv::CAP_PROP_POS_MSEC) / 1000.0;
   // OpenCV returns 0 for the last frames of a stream with B-frames, and for all frames of some formats.
-  const double rate = is_frame_rate(fps_) ? fps_ : kFallbackFps;
+  const double rate = is_frame_rate(fps_) ? fps_ : kFallbackStepFps;
   if (index_ == 0) {
     time_ = std::isfinite(time) ? time : 0.0;
   } else {

@@ -10,9 +10,9 @@ namespace pmsp {
 namespace {
 
 /// Number of used keyframes after which an estimate is final, the same as in runs of complete missions.
-constexpr std::size_t kEnough = 24;
+constexpr std::size_t kEnoughKeyframes = 24;
 /// Minimum number for an estimate while no more keyframes are expected.
-constexpr std::size_t kFewest = 8;
+constexpr std::size_t kFewestKeyframes = 8;
 
 }  // namespace
 
@@ -30,7 +30,7 @@ void LiveBuilder::collect_for_calibration(const LiveNode& node, const Keyframe& 
 /// Whether an estimate from `count` keyframes is due: there are enough, or new ones since the last estimate from
 /// `previous` and no more are expected.
 bool LiveBuilder::is_estimate_due(std::size_t count, std::size_t previous) const {
-  return count >= kEnough || (finishing_ && pending() == 0 && count >= kFewest && count != previous);
+  return count >= kEnoughKeyframes || (finishing_ && pending() == 0 && count >= kFewestKeyframes && count != previous);
 }
 
 template <class Estimator>
@@ -43,7 +43,7 @@ void LiveBuilder::update_poses(Estimator& estimator) const {
 void LiveBuilder::estimate_rig() {
   update_poses(*rig_);
   rig_keyframes_ = rig_->keyframes();
-  const bool enough = rig_->keyframes() >= kEnough;
+  const bool enough = rig_->keyframes() >= kEnoughKeyframes;
   RigMask found = rig_->estimate(engine_->executor());
   if (enough || !found.mask.empty()) rig_.reset();
   if (found.mask.empty()) return;
@@ -96,7 +96,7 @@ void LiveBuilder::begin_with_lenses() {
 void LiveBuilder::estimate_lenses() {
   update_poses(*lenses_);
   lens_keyframes_ = lenses_->keyframes();
-  const bool enough = lenses_->keyframes() >= kEnough;
+  const bool enough = lenses_->keyframes() >= kEnoughKeyframes;
   const LensDistance found = lenses_->estimate(engine_->executor());
   if (found.significant) {
     lenses_.reset();

@@ -13,7 +13,7 @@
 namespace pmsp {
 namespace {
 
-constexpr int kLargestWidth = 640;
+constexpr int kLargestPreview = 640;
 constexpr int kNeighbours = 2;
 /// Number of newest keyframes that are prepared.
 constexpr std::size_t kKept = 4;
@@ -23,7 +23,7 @@ constexpr std::chrono::milliseconds kLate{3000};
 DensifierOptions preview_options(const DensifierOptions& final) {
   DensifierOptions options = final;
   const double shape = final.width > 0 && final.height > 0 ? static_cast<double>(final.height) / final.width : 0.5;
-  options.width = final.width > 0 ? std::min(final.width / 2, kLargestWidth) : kLargestWidth;
+  options.width = final.width > 0 ? std::min(final.width / 2, kLargestPreview) : kLargestPreview;
   options.width = std::max(32, options.width / 2 * 2);
   options.height = std::max(16, static_cast<int>(options.width * shape) / 2 * 2);
   options.unordered = false;

@@ -12,7 +12,7 @@
 namespace pmsp {
 namespace {
 
-constexpr double kReach = 2.0;          ///< factor on the 90th percentile of the ranges of a keyframe's landmarks
+constexpr double kRangeReach = 2.0;     ///< factor on the 90th percentile of the ranges of a keyframe's landmarks
 constexpr double kRangeMargin = 1.1;    ///< maximum ratio of the ends of depth ranges that count as equal
 constexpr double kSpreadToStay = 0.75;  ///< minimum share of the intervals, and of the possible viewers
 
@@ -24,7 +24,7 @@ double reach_of(const Keyframe& keyframe) {
   if (ranges.empty()) return 0.0;
   const auto at = ranges.begin() + static_cast<std::ptrdiff_t>(ranges.size() * 9 / 10);
   std::nth_element(ranges.begin(), at, ranges.end());
-  return kReach * *at;
+  return kRangeReach * *at;
 }
 
 /// Whether the previous viewers are nearly as many as possible and spread over the whole list: divided into half as

@@ -12,7 +12,7 @@ namespace pmsp {
 namespace {
 
 constexpr int kColumns = 24;  ///< number of cells; those near the poles have less weight
-constexpr int kRows = 12;
+constexpr int kCellRows = 12;
 
 /// Minimum gain in usefulness, averaged over the solid angle with landmarks, of a further keyframe.
 constexpr double kMinGain = 0.03;
@@ -21,12 +21,12 @@ constexpr double kMinGain = 0.03;
 constexpr float kMaxBeyond = 1.1F;
 
 std::size_t cell_of(const Eigen::Vector3f& p) {
-  return static_cast<std::size_t>(kernels::pixel_index(to_vec3(p), kColumns, kRows));
+  return static_cast<std::size_t>(kernels::pixel_index(to_vec3(p), kColumns, kCellRows));
 }
 
-double solid_angle(std::size_t cell) {
+double cell_solid_angle(std::size_t cell) {
   const int row = static_cast<int>(cell) / kColumns;
-  return std::cos((0.5 - (row + 0.5) / kRows) * kernels::kPi);
+  return std::cos((0.5 - (row + 0.5) / kCellRows) * kernels::kPi);
 }
 
 /// Returns the usefulness of a candidate for matching a point of the reference; 0 if hidden.
@@ -39,7 +39,7 @@ double usefulness(const Covisibility& candidate, const Eigen::Vector3d& point, c
 }  // namespace
 
 Covisibility::Covisibility(const Keyframe& keyframe)
-    : cam_from_world(keyframe.cam_from_world), farthest(static_cast<std::size_t>(kColumns) * kRows, 0.0F) {
+    : cam_from_world(keyframe.cam_from_world), farthest(static_cast<std::size_t>(kColumns) * kCellRows, 0.0F) {
   struct Seen {
     float range;
     const Landmark* landmark;
@@ -57,7 +57,7 @@ Covisibility::Covisibility(const Keyframe& keyframe)
       return a.range != b.range ? a.range < b.range : a.landmark->id < b.landmark->id;
     });
     farthest[cell] = seen.back().range;
-    samples.push_back({seen[seen.size() / 2].landmark->position_world, solid_angle(cell)});
+    samples.push_back({seen[seen.size() / 2].landmark->position_world, cell_solid_angle(cell)});
     total += samples.back().solid_angle;
   }
   for (Sample& sample : samples) sample.solid_angle /= total;

@@ -15,11 +15,11 @@ namespace pmsp {
 namespace {
 
 constexpr std::size_t kFewestNear = 2;
-constexpr double kMinShareOfOthers = 0.5;  ///< usefulness of a further source view, relative to the first choice
-constexpr std::size_t kMostSharers = 32;   ///< candidates for source views and windows
-constexpr std::size_t kSharpnessOf = 3;    ///< keyframes whose sharpness is compared
-constexpr double kSharedToSkip = 0.5;      ///< minimum share of a blurred keyframe's landmarks in another one, and
-constexpr double kParallaxToSkipDeg = 15;  ///< maximum parallax to it, for rejection
+constexpr double kMinShareOfOthers = 0.5;     ///< usefulness of a further source view, relative to the first choice
+constexpr std::size_t kMostSharers = 32;      ///< candidates for source views and windows
+constexpr std::size_t kSharpnessOf = 3;       ///< keyframes whose sharpness is compared
+constexpr double kSharedToSkipBlurred = 0.5;  ///< minimum share of a blurred keyframe's landmarks in another one, and
+constexpr double kParallaxToSkipDeg = 15;     ///< maximum parallax to it, for rejection
 
 /// Another keyframe with common landmarks.
 struct Covisible {
@@ -118,7 +118,7 @@ bool UnorderedPlan::is_blurred(std::size_t i) const {
   if (sharers.empty() || sharpness_[i].landmarks.empty()) return false;
   const ViewChain::Preference lean = previous_.lean(keyframe.id);
   const double landmarks = static_cast<double>(keyframe.landmarks.size());
-  if (sharers.front().landmarks < biased_threshold(kSharedToSkip, lean, false) * landmarks) return false;
+  if (sharers.front().landmarks < biased_threshold(kSharedToSkipBlurred, lean, false) * landmarks) return false;
   const PlanNode& best = nodes_[sharers.front().node];
   const CommonParallax common =
       common_parallax(keyframe.landmarks, nodes_[i].center, best.keyframe.landmarks, best.center, 0.0, 180.0);

@@ -18,14 +18,14 @@
 namespace pmsp {
 namespace {
 
-constexpr int kSide = 9;              ///< samples along each side of the window around a cell
-constexpr double kWindow = 3.0;       ///< side of the window [cells]
-constexpr int kMinSamples = 20;       ///< minimum number on one surface
-constexpr double kSurface = 0.2;      ///< maximum relative distance of one surface from the cell's own inverse depth
-constexpr double kOnPlane = 0.1;      ///< maximum relative distance from a first plane
-constexpr double kSteadiness = 1e-4;  ///< against rotation if samples are collinear; relative to their spread
+constexpr int kWindowSide = 9;          ///< samples along each side of the window around a cell
+constexpr double kWindow = 3.0;         ///< side of the window [cells]
+constexpr int kMinWindowSamples = 20;   ///< minimum number on one surface
+constexpr double kWindowSurface = 0.2;  ///< maximum relative distance of one surface from the cell's own inverse depth
+constexpr double kOnWindowPlane = 0.1;  ///< maximum relative distance from a first plane
+constexpr double kWindowSteadiness = 1e-4;  ///< against rotation if samples are collinear; relative to their spread
 
-struct Sample {
+struct WindowSample {
   Eigen::Vector3d bearing;
   double inverse_depth;
 };
@@ -33,22 +33,22 @@ struct Sample {
 /// Least-squares plane v with v . bearing = inverse depth, of the samples within the relative `tolerance` of
 /// `expected(bearing)`. Returns false if these are too few.
 template <class Expected>
-bool fit(const std::vector<Sample>& samples, double tolerance, const Expected& expected, Eigen::Vector3d& plane) {
+bool fit(const std::vector<WindowSample>& samples, double tolerance, const Expected& expected, Eigen::Vector3d& plane) {
   PlaneFit on_surface;
-  for (const Sample& sample : samples) {
+  for (const WindowSample& sample : samples) {
     const double there = expected(sample.bearing);
     if (std::abs(sample.inverse_depth - there) < tolerance * there)
       on_surface.add(sample.bearing, sample.inverse_depth);
   }
-  return on_surface.count() >= kMinSamples && on_surface.solve(kSteadiness, plane);
+  return on_surface.count() >= kMinWindowSamples && on_surface.solve(kWindowSteadiness, plane);
 }
 
 }  // namespace
 
 std::vector<kernels::Vec3<float>> external_planes(ImageView<const float> depth, double unit, const PriorGrid& grid) {
   std::vector<kernels::Vec3<float>> planes(grid.cells(), kernels::Vec3<float>{0.0F, 0.0F, 0.0F});
-  const double step = kernels::kPi / grid.rows * kWindow / kSide;
-  std::vector<Sample> samples;
+  const double step = kernels::kPi / grid.rows * kWindow / kWindowSide;
+  std::vector<WindowSample> samples;
   std::vector<double> own;
   for (int row = 0; row < grid.rows; ++row) {
     for (int column = 0; column < grid.columns; ++column) {
@@ -57,23 +57,23 @@ std::vector<kernels::Vec3<float>> external_planes(ImageView<const float> depth, 
       const Eigen::Vector3d down = center.cross(right);
       samples.clear();
       own.clear();
-      for (int i = 0; i < kSide * kSide; ++i) {
-        const int dx = i % kSide - kSide / 2, dy = i / kSide - kSide / 2;
+      for (int i = 0; i < kWindowSide * kWindowSide; ++i) {
+        const int dx = i % kWindowSide - kWindowSide / 2, dy = i / kWindowSide - kWindowSide / 2;
         const Eigen::Vector3d bearing = (center + step * dx * right + step * dy * down).normalized();
         const double there = nearest_value(depth, bearing) / unit;
         if (!is_usable_depth(there)) continue;
         samples.push_back({bearing, 1.0 / there});
-        if (std::max(std::abs(dx), std::abs(dy)) <= kSide / 6) own.push_back(1.0 / there);
+        if (std::max(std::abs(dx), std::abs(dy)) <= kWindowSide / 6) own.push_back(1.0 / there);
       }
       if (own.empty()) continue;
       const double middle = median(own);
       Eigen::Vector3d plane;
       if (!fit(
-              samples, kSurface, [&](const Eigen::Vector3d&) { return middle; }, plane))
+              samples, kWindowSurface, [&](const Eigen::Vector3d&) { return middle; }, plane))
         continue;
       const Eigen::Vector3d first = plane;
       if (!fit(
-              samples, kOnPlane, [&](const Eigen::Vector3d& bearing) { return first.dot(bearing); }, plane))
+              samples, kOnWindowPlane, [&](const Eigen::Vector3d& bearing) { return first.dot(bearing); }, plane))
         continue;
       const Eigen::Vector3f found = plane.cast<float>();
       planes[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +

@@ -17,10 +17,10 @@ namespace {
 
 constexpr double kAgrees = 0.15;  ///< maximum relative error of a depth that agrees
 constexpr std::size_t kMinLandmarks = 12;
-constexpr double kMinShare = 0.6;
+constexpr double kMinFitShare = 0.6;
 constexpr double kBetterThanFlat = 0.6;  ///< maximum sum of errors, over that of a constant depth
 constexpr double kHardlyWorse = 1.1;
-constexpr std::size_t kMostLandmarks = 400;
+constexpr std::size_t kMostFitLandmarks = 400;
 constexpr int kPairs = 200;
 constexpr int kRefinements = 5;
 
@@ -139,9 +139,9 @@ std::vector<Pair> pairs_of(ImageView<const float> values, const Keyframe& keyfra
     const double value = nearest_value(values, p);
     if (std::isfinite(value) && value != 0.0) pairs.push_back({value, p.norm()});
   }
-  if (pairs.size() <= kMostLandmarks) return pairs;
+  if (pairs.size() <= kMostFitLandmarks) return pairs;
   std::vector<Pair> some;
-  for (std::size_t i = 0; i < kMostLandmarks; ++i) some.push_back(pairs[i * pairs.size() / kMostLandmarks]);
+  for (std::size_t i = 0; i < kMostFitLandmarks; ++i) some.push_back(pairs[i * pairs.size() / kMostFitLandmarks]);
   return some;
 }
 
@@ -188,9 +188,9 @@ DepthAlignment align_prior_depth(ImageView<const float> values, const Keyframe& 
   }
   best.share = static_cast<double>(errors.size()) / static_cast<double>(pairs.size());
   if (!errors.empty()) best.error = median(errors);
-  if (!(best.scale > 0.0) || best.share < kMinShare) {
+  if (!(best.scale > 0.0) || best.share < kMinFitShare) {
     best.why_not = "it agrees with " + percent(best.share) + " of " + std::to_string(pairs.size()) +
-                   " landmarks to 15 %; expected " + percent(kMinShare) + " or more";
+                   " landmarks to 15 %; expected " + percent(kMinFitShare) + " or more";
   } else if (sum_of_errors(best, pairs) > kBetterThanFlat * error_of_flat(pairs)) {
     best.why_not = "it fits the landmarks hardly better than a constant depth";
   }

@@ -125,10 +125,10 @@ float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask
   const std::size_t count = compared_width == width ? 1 : grids.size();
   std::array<std::array<std::optional<float>, kPatches>, grids.size()> found;
   constexpr int kTogether = 24;
-  constexpr int kShares = kPatches / kTogether;
-  pool.for_each(static_cast<int>(count) * kShares, [&](int task) {
-    const std::size_t of = static_cast<std::size_t>(task / kShares);
-    const int first = task % kShares * kTogether;
+  constexpr int kPatchShares = kPatches / kTogether;
+  pool.for_each(static_cast<int>(count) * kPatchShares, [&](int task) {
+    const std::size_t of = static_cast<std::size_t>(task / kPatchShares);
+    const int first = task % kPatchShares * kTogether;
     for (int i = first; i < first + kTogether; ++i)
       found[of][static_cast<std::size_t>(i)] = variance_at(i, grids[of], image, mask);
   });

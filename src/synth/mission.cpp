@@ -14,8 +14,6 @@
 namespace pmsp::synth {
 namespace {
 
-constexpr double kRadians = kernels::kPi / 180.0;
-
 Eigen::Matrix3d turn_about_y(double angle) {
   return Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
 }
@@ -24,7 +22,8 @@ bool observes(const Scene& scene, const RigidTransform& cam_from_world, const Ei
               const LandmarkOptions& options) {
   const Eigen::Vector3d in_camera = cam_from_world * position;
   const double sine = std::abs(in_camera.y()) / in_camera.norm();
-  return sine <= std::sin(options.max_latitude_deg * kRadians) && scene.visible(cam_from_world.center(), position);
+  return sine <= std::sin(options.max_latitude_deg * kernels::kDegree) &&
+         scene.visible(cam_from_world.center(), position);
 }
 
 /// Returns the surface point at a random pixel of a random keyframe.
@@ -105,7 +104,7 @@ std::vector<RigidTransform> fly(const Flight& flight) {
     const Eigen::Vector3d center =
         flight.start + i * flight.step * along +
         flight.sway * (std::sin(phase) * right + 0.7 * std::sin(1.7 * phase + 1.0) * Eigen::Vector3d::UnitY());
-    const double wobble = flight.wobble_deg * kRadians;
+    const double wobble = flight.wobble_deg * kernels::kDegree;
     const Eigen::Matrix3d turn =
         turn_about_y(wobble * std::sin(0.9 * phase + 0.4)) *
         Eigen::AngleAxisd(0.7 * wobble * std::sin(1.1 * phase + 2.0), Eigen::Vector3d::UnitX()).toRotationMatrix() *
@@ -117,7 +116,7 @@ std::vector<RigidTransform> fly(const Flight& flight) {
 }
 
 RigidTransform yawed(const RigidTransform& cam_from_world, double yaw_deg) {
-  return RigidTransform{turn_about_y(-yaw_deg * kRadians), Eigen::Vector3d::Zero()} * cam_from_world;
+  return RigidTransform{turn_about_y(-yaw_deg * kernels::kDegree), Eigen::Vector3d::Zero()} * cam_from_world;
 }
 
 Mission make_mission(const Scene& scene, const std::vector<RigidTransform>& poses, int width, int height,
@@ -185,7 +184,7 @@ Mission turned(const Mission& mission, int columns) {
   Mission result = mission;
   const int shift = ((columns % mission.width) + mission.width) % mission.width;
   const double yaw_deg = 360.0 * shift / mission.width;
-  const Eigen::Matrix3f turn = turn_about_y(-yaw_deg * kRadians).cast<float>();
+  const Eigen::Matrix3f turn = turn_about_y(-yaw_deg * kernels::kDegree).cast<float>();
   for (Frame& frame : result.frames) {
     frame.cam_from_world = yawed(frame.cam_from_world, yaw_deg);
     frame.image = rolled_left(frame.image, shift);

@@ -16,6 +16,8 @@ inline std::string lower_case(std::string text) {
   return text;
 }
 
+inline bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
 /// Removes the given characters at both ends.
 inline std::string trimmed(const std::string& text, const char* characters) {
   const std::size_t begin = text.find_first_not_of(characters);

@@ -19,7 +19,7 @@ constexpr int kSide = 9;              ///< side of a patch [px of the depth map]
 constexpr double kMinCosLat = 0.5;    ///< up to 60 degrees of latitude
 constexpr float kMinVariance = 4.0F;  ///< [gray levels squared]; less is noise
 constexpr std::size_t kMinCommon = 20;
-constexpr std::size_t kMostLandmarks = 256;  ///< per keyframe
+constexpr std::size_t kMostMeasured = 256;  ///< per keyframe
 
 using Patch = std::array<float, kSide * kSide>;
 
@@ -61,19 +61,19 @@ std::optional<Patch> patch_around(const ImageView<const Rgb>& image, const Eigen
   return patch;
 }
 
-/// Returns up to kMostLandmarks landmarks, in the order of a hash of their ids, so that keyframes select common ones.
+/// Returns up to kMostMeasured landmarks, in the order of a hash of their ids, so that keyframes select common ones.
 std::vector<const Landmark*> some_of(const std::vector<Landmark>& landmarks) {
   std::vector<const Landmark*> chosen;
   for (const Landmark& landmark : landmarks) chosen.push_back(&landmark);
-  if (chosen.size() <= kMostLandmarks) return chosen;
+  if (chosen.size() <= kMostMeasured) return chosen;
   const auto hash = [](const Landmark* landmark) {
     const std::uint64_t id = static_cast<std::uint64_t>(landmark->id);
     return std::pair(kernels::mix(static_cast<std::uint32_t>(id) ^ kernels::mix(static_cast<std::uint32_t>(id >> 32))),
                      id);
   };
-  std::nth_element(chosen.begin(), chosen.begin() + kMostLandmarks, chosen.end(),
+  std::nth_element(chosen.begin(), chosen.begin() + kMostMeasured, chosen.end(),
                    [&](const Landmark* a, const Landmark* b) { return hash(a) < hash(b); });
-  chosen.resize(kMostLandmarks);
+  chosen.resize(kMostMeasured);
   return chosen;
 }
 

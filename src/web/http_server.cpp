@@ -29,13 +29,13 @@ namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace http = boost::beast::http;
 using tcp = asio::ip::tcp;
-using Error = boost::system::error_code;
+using ErrorCode = boost::system::error_code;
 
 constexpr std::size_t kChunk = 65536;
 constexpr auto kPollInterval = std::chrono::milliseconds(50);
 
 asio::ip::address address_from(const std::string& text) {
-  Error error;
+  ErrorCode error;
   const asio::ip::address address = asio::ip::make_address(text, error);
   if (!error) return address;
   throw InvalidOption("address \"" + text + "\" is invalid; expected an IP address such as 127.0.0.1 or ::1");
@@ -100,7 +100,7 @@ class Session : public std::enable_shared_from_this<Session> {
   void close() {
     if (std::exchange(is_closed_, true)) return;
     common_.sessions.erase(place_);
-    Error ignored;
+    ErrorCode ignored;
     stream_.socket().close(ignored);
     poll_timer_.cancel();
   }
@@ -110,7 +110,7 @@ class Session : public std::enable_shared_from_this<Session> {
     parser_->header_limit(static_cast<std::uint32_t>(common_.options.header_bytes));
     parser_->body_limit(0);
     stream_.expires_after(common_.options.for_headers);
-    http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](Error error, std::size_t) {
+    http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](ErrorCode error, std::size_t) {
       if (!error) return self->take();
       if (error == http::error::header_limit || error == http::error::buffer_overflow) {
         return self->refuse(431, "the headers are too long");
@@ -156,7 +156,7 @@ class Session : public std::enable_shared_from_this<Session> {
     if (!reply && request_.must_answer) reply = plain_reply(503, "there is no answer");
     if (reply) return answer(std::move(*reply));
     poll_timer_.expires_after(kPollInterval);
-    poll_timer_.async_wait([self = shared_from_this()](Error error) {
+    poll_timer_.async_wait([self = shared_from_this()](ErrorCode error) {
       if (!error) self->poll_handler();
     });
   }
@@ -203,7 +203,7 @@ class Session : public std::enable_shared_from_this<Session> {
                 "default-src 'self' 'unsafe-inline' data: blob:; base-uri 'none'; form-action 'none'");
     serializer_.emplace(header_);
     stream_.expires_after(common_.options.for_chunk);
-    http::async_write_header(stream_, *serializer_, [self = shared_from_this()](Error error, std::size_t) {
+    http::async_write_header(stream_, *serializer_, [self = shared_from_this()](ErrorCode error, std::size_t) {
       if (error) return self->close();
       self->send();
     });
@@ -224,7 +224,7 @@ class Session : public std::enable_shared_from_this<Session> {
     }
     next_ += count;
     stream_.expires_after(common_.options.for_chunk);
-    asio::async_write(stream_, asio::buffer(from, count), [self = shared_from_this()](Error error, std::size_t) {
+    asio::async_write(stream_, asio::buffer(from, count), [self = shared_from_this()](ErrorCode error, std::size_t) {
       if (error) return self->close();
       self->send();
     });
@@ -233,7 +233,7 @@ class Session : public std::enable_shared_from_this<Session> {
   void finish() {
     reply_ = {};
     if (keep_alive_) return read();
-    Error ignored;
+    ErrorCode ignored;
     stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
     close();
   }
@@ -286,14 +286,14 @@ struct HttpServer::Impl {
   }
 
   void accept() {
-    acceptor.async_accept([this](Error error, tcp::socket socket) {
+    acceptor.async_accept([this](ErrorCode error, tcp::socket socket) {
       if (!error) {
         if (has_room()) std::make_shared<Session>(std::move(socket), common)->read();
         return accept();
       }
       if (error == asio::error::operation_aborted) return;
       wait.expires_after(std::chrono::milliseconds(100));  // no descriptors are left, for example
-      wait.async_wait([this](Error) { accept(); });
+      wait.async_wait([this](ErrorCode) { accept(); });
     });
   }
 

@@ -23,7 +23,7 @@ constexpr std::size_t kKindBytes = 16;
 constexpr std::size_t kSumBytes = sizeof(std::uint64_t);
 
 /// Size of a point: position, normal, confidence, colour, number of views.
-constexpr std::size_t kPointBytes = 7 * sizeof(float) + 4;
+constexpr std::size_t kStoredPointBytes = 7 * sizeof(float) + 4;
 
 /// Returns the end of the written bytes.
 char* encode(const CloudPoint& point, char* to) {
@@ -32,7 +32,7 @@ char* encode(const CloudPoint& point, char* to) {
   std::memcpy(to + 6 * sizeof(float), &point.confidence, sizeof(float));
   const std::uint8_t bytes[] = {point.color.r, point.color.g, point.color.b, point.views};
   std::memcpy(to + 7 * sizeof(float), bytes, sizeof(bytes));
-  return to + kPointBytes;
+  return to + kStoredPointBytes;
 }
 
 const char* decode(const char* from, CloudPoint& point) {
@@ -43,7 +43,7 @@ const char* decode(const char* from, CloudPoint& point) {
   std::memcpy(bytes, from + 7 * sizeof(float), sizeof(bytes));
   point.color = {bytes[0], bytes[1], bytes[2]};
   point.views = bytes[3];
-  return from + kPointBytes;
+  return from + kStoredPointBytes;
 }
 
 /// Writes data followed by their checksum.
@@ -81,7 +81,7 @@ class Writer {
     put(static_cast<std::uint64_t>(points.size()));
     for (std::size_t first = 0; first < points.size(); first += kAtOnce) {
       const std::size_t count = std::min(kAtOnce, points.size() - first);
-      bytes.resize(count * kPointBytes);
+      bytes.resize(count * kStoredPointBytes);
       char* to = bytes.data();
       for (std::size_t i = 0; i < count; ++i) to = encode(points[first + i], to);
       put(bytes.data(), bytes.size());
@@ -115,8 +115,8 @@ class Reader {
     if (bytes > 0) std::memcpy(data, in_.take(bytes), bytes);
   }
   std::vector<CloudPoint> points() {
-    std::vector<CloudPoint> points(count(kPointBytes));
-    const char* from = in_.take(points.size() * kPointBytes);
+    std::vector<CloudPoint> points(count(kStoredPointBytes));
+    const char* from = in_.take(points.size() * kStoredPointBytes);
     for (CloudPoint& point : points) from = decode(from, point);
     return points;
   }

@@ -14,8 +14,8 @@ namespace pmsp::workspace {
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr const char* kFormat = "pmsp workspace";
-constexpr int kVersion = 1;
+constexpr const char* kRecordFormat = "pmsp workspace";
+constexpr int kRecordVersion = 1;
 constexpr int kDeepest = 16;
 
 /// Rotation row by row, translation, scale.
@@ -169,7 +169,7 @@ std::string record_json(const Record& record) {
   const auto line = [](const std::string& key, const Json& value) {
     return Json(key).dump() + ": " + value.dump(-1, ' ', false, Json::error_handler_t::replace);
   };
-  std::string text = "{\n" + line("format", kFormat) + ",\n" + line("version", kVersion) + ",\n" +
+  std::string text = "{\n" + line("format", kRecordFormat) + ",\n" + line("version", kRecordVersion) + ",\n" +
                      line("step", record.step) + ",\n" + line("engine", record.engine) + ",\n" +
                      line("map", record.map) + ",\n" + line("images", record.images) + ",\n" +
                      line("options", Json::parse(record.options)) + ",\n" +
@@ -203,11 +203,11 @@ Record record_from_json(const std::string& text, const std::string& where) {
       if (depth > kDeepest) throw InvalidInput("nested more than " + std::to_string(kDeepest) + " deep");
       return true;
     });
-    if (!json.is_object() || json.value("format", Json()) != Json(kFormat)) {
-      throw InvalidInput("the format; expected \"" + std::string(kFormat) + "\"");
+    if (!json.is_object() || json.value("format", Json()) != Json(kRecordFormat)) {
+      throw InvalidInput("the format; expected \"" + std::string(kRecordFormat) + "\"");
     }
-    if (json.value("version", Json()) != Json(kVersion)) {
-      throw InvalidInput("the version; expected " + std::to_string(kVersion));
+    if (json.value("version", Json()) != Json(kRecordVersion)) {
+      throw InvalidInput("the version; expected " + std::to_string(kRecordVersion));
     }
     return record_from(json, where);
   } catch (const std::exception& error) {

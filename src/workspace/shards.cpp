@@ -18,11 +18,11 @@ using Json = nlohmann::ordered_json;
 
 constexpr const char* kJob = "pmsp shared step";
 constexpr const char* kMarker = "pmsp shard";
-constexpr int kVersion = 1;
+constexpr int kShardVersion = 1;
 
 Json to_json(const ShardJob& job) {
   return {{"format", kJob},
-          {"version", kVersion},
+          {"version", kShardVersion},
           {"from", job.from},
           {"step", job.step},
           {"shards", job.count},
@@ -79,7 +79,7 @@ ShardJob job_from(const Json& json) {
 
 Json to_json(const ShardMarker& marker) {
   Json json{{"format", kMarker},
-            {"version", kVersion},
+            {"version", kShardVersion},
             {"shard", marker.shard.index},
             {"of", marker.shard.count},
             {"wave", name_of(marker.wave)},
@@ -114,12 +114,13 @@ ShardMarker marker_from(const Json& json) {
 
 /// Returns the result of `from` for a file of a format.
 template <class From>
-auto read(const fs::path& path, const char* format, const From& from) {
+auto read_json(const fs::path& path, const char* format, const From& from) {
   const std::string text = read_whole_file(path);
   try {
     const Json json = Json::parse(text);
-    if (json.at("format") != format || json.at("version") != kVersion) {
-      throw InvalidInput("format and version; expected \"" + std::string(format) + "\", " + std::to_string(kVersion));
+    if (json.at("format") != format || json.at("version") != kShardVersion) {
+      throw InvalidInput("format and version; expected \"" + std::string(format) + "\", " +
+                         std::to_string(kShardVersion));
     }
     return from(json);
   } catch (const std::exception& error) {
@@ -128,7 +129,7 @@ auto read(const fs::path& path, const char* format, const From& from) {
   }
 }
 
-void write(const fs::path& path, const Json& json) {
+void write_json(const fs::path& path, const Json& json) {
   write_file(path, json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n");
 }
 
@@ -181,12 +182,12 @@ std::optional<ShardJob> ShardFolder::job(const std::string& from) const {
   const fs::path path = folder_ / job_name(from);
   std::error_code ignored;
   if (!fs::exists(path, ignored)) return std::nullopt;
-  return read(path, kJob, job_from);
+  return read_json(path, kJob, job_from);
 }
 
 std::optional<ShardJob> ShardFolder::ended_job(const std::string& step) const {
   for (const fs::path& path : files("job-")) {
-    const ShardJob job = read(path, kJob, job_from);
+    const ShardJob job = read_json(path, kJob, job_from);
     if (job.step == step) return job;
   }
   return std::nullopt;
@@ -196,22 +197,22 @@ ShardJob ShardFolder::post(const ShardJob& job) const {
   const fs::path path = folder_ / job_name(job.from);
   std::error_code ignored;
   if (!fs::exists(path, ignored)) write_new_file(path, to_json(job).dump(2) + "\n");
-  return read(path, kJob, job_from);
+  return read_json(path, kJob, job_from);
 }
 
 void ShardFolder::mark(const ShardMarker& marker) const {
   const fs::path path = folder_ / marker_name(marker);
   std::error_code ignored;
   const bool may_keep = !marker.failure.empty() && fs::exists(path, ignored);
-  if (may_keep && read(path, kMarker, marker_from).failure.empty()) return;
-  write(path, to_json(marker));
+  if (may_keep && read_json(path, kMarker, marker_from).failure.empty()) return;
+  write_json(path, to_json(marker));
 }
 
 std::vector<ShardMarker> ShardFolder::markers() const {
   std::vector<ShardMarker> markers;
   for (const Wave wave : {Wave::kPlanes, Wave::kPoints}) {
     for (const fs::path& path : files(std::string(name_of(wave)) + "-")) {
-      markers.push_back(read(path, kMarker, marker_from));
+      markers.push_back(read_json(path, kMarker, marker_from));
     }
   }
   std::stable_sort(markers.begin(), markers.end(), [](const ShardMarker& a, const ShardMarker& b) {
@@ -238,7 +239,7 @@ void ShardFolder::end(const std::string& step) const {
   }
   for (const fs::path& path : files("job-")) {
     try {
-      if (read(path, kJob, job_from).step == step) continue;
+      if (read_json(path, kJob, job_from).step == step) continue;
     } catch (const Error&) {  // unusable
     }
     fs::remove(path, ignored);

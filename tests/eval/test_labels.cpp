@@ -19,8 +19,8 @@ using pmsp::RigidTransform;
 
 namespace {
 
-constexpr int kWidth = 80;
-constexpr int kHeight = 40;
+constexpr int kLabelWidth = 80;
+constexpr int kLabelHeight = 40;
 
 LabelTable measured(const Image<float>& estimate, const Image<float>& truth, const Image<std::uint8_t>& labels,
                     const LabelOptions& options = {}) {
@@ -34,15 +34,15 @@ LabelTable measured(const Image<float>& estimate, const Image<float>& truth, con
 TEST_CASE("known errors give exact shares by label") {
   // Eight stripes of ten columns, the last four glossy: right, 8 % and 20 % off, and missing; each behind and in front.
   const float factors[8] = {1.0F, 1.08F, 1.2F, 0.0F, 1.0F, 0.92F, 0.8F, 0.0F};
-  Image<float> estimate(kWidth, kHeight);
-  Image<std::uint8_t> labels(kWidth, kHeight);
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
+  Image<float> estimate(kLabelWidth, kLabelHeight);
+  Image<std::uint8_t> labels(kLabelWidth, kLabelHeight);
+  for (int y = 0; y < kLabelHeight; ++y) {
+    for (int x = 0; x < kLabelWidth; ++x) {
       estimate(x, y) = 4.0F * factors[x / 10];
       labels(x, y) = x < 40 ? kOther : kGlossy;
     }
   }
-  Image<float> truth(2 * kWidth, 2 * kHeight, 2.0F);
+  Image<float> truth(2 * kLabelWidth, 2 * kLabelHeight, 2.0F);
   LabelOptions options;
   options.scale = 0.5;
   const LabelTable table = measured(estimate, truth, labels, options);
@@ -64,13 +64,13 @@ TEST_CASE("known errors give exact shares by label") {
   const LabelTable unlabelled = measured(estimate, truth, {}, options);
   REQUIRE(unlabelled.size() == 1);
   CHECK(unlabelled.at(kAllLabels).behind_share() == Approx(1.0 / 6.0));
-  truth = Image<float>(kWidth, kHeight);  // no truth, no figures
+  truth = Image<float>(kLabelWidth, kLabelHeight);  // no truth, no figures
   CHECK(measured(estimate, truth, labels, options).at(kAllLabels).pixels == 0.0);
 }
 
 TEST_CASE("a lost thin structure is missing or wrong and a grown one is measured beside it across the seam") {
-  Image<float> truth(kWidth, kHeight, 3.0F);
-  Image<std::uint8_t> labels(kWidth, kHeight);
+  Image<float> truth(kLabelWidth, kLabelHeight, 3.0F);
+  Image<std::uint8_t> labels(kLabelWidth, kLabelHeight);
   for (int y = 15; y < 25; ++y) {
     truth(0, y) = 2.0F;
     labels(0, y) = kThin;
@@ -82,7 +82,7 @@ TEST_CASE("a lost thin structure is missing or wrong and a grown one is measured
   CHECK(right.wrong_share() == 0.0);
   CHECK(right.grown_share() == 0.0);
 
-  Image<float> lost(kWidth, kHeight, 3.0F);
+  Image<float> lost(kLabelWidth, kLabelHeight, 3.0F);
   for (int y = 15; y < 20; ++y) lost(0, y) = 0.0F;
   const LabelMeasures half = measured(lost, truth, labels, options).at(kThin);
   CHECK(half.missing_share() == Approx(0.5));
@@ -93,7 +93,7 @@ TEST_CASE("a lost thin structure is missing or wrong and a grown one is measured
   CHECK(measure_labels(lost, slack, truth, labels, options).at(kThin).wrong_share() == Approx(0.5));
 
   Image<float> grown = truth;
-  for (int y = 15; y < 25; ++y) grown(kWidth - 2, y) = grown(1, y) = 2.0F;
+  for (int y = 15; y < 25; ++y) grown(kLabelWidth - 2, y) = grown(1, y) = 2.0F;
   grown(10, 20) = 2.0F;  // too far from it to be counted
   grown(1, 13) = 2.5F;   // wrong, but not its depth
   const LabelMeasures more = measured(grown, truth, labels, options).at(kThin);
@@ -102,10 +102,10 @@ TEST_CASE("a lost thin structure is missing or wrong and a grown one is measured
 }
 
 TEST_CASE("growth of thin structures is the same in any unit of the estimates") {
-  const Image<float> truth(kWidth, kHeight, 3.0F);
+  const Image<float> truth(kLabelWidth, kLabelHeight, 3.0F);
   Image<float> thing = truth;
-  Image<float> estimate(kWidth, kHeight, 6.0F);
-  Image<std::uint8_t> labels(kWidth, kHeight);
+  Image<float> estimate(kLabelWidth, kLabelHeight, 6.0F);
+  Image<std::uint8_t> labels(kLabelWidth, kLabelHeight);
   for (int y = 15; y < 25; ++y) {
     thing(40, y) = 2.0F;
     labels(40, y) = kThin;
@@ -152,11 +152,11 @@ TEST_CASE("points count as behind only if they are behind in every view") {
 
 TEST_CASE("a view without truth in a direction does not prevent a point from counting as behind") {
   std::vector<TrueView> views(2);
-  for (TrueView& view : views) view.range = Image<float>(kWidth, kHeight, 4.0F);
+  for (TrueView& view : views) view.range = Image<float>(kLabelWidth, kLabelHeight, 4.0F);
   const Eigen::Vector3f beyond(0.5F, 0.2F, 5.0F);
   CHECK(count_behind({beyond}, views, 0.1, 1).at(kAllLabels) == 1);
   for (TrueView& view : views) {
-    view.range = Image<float>(kWidth, kHeight);
+    view.range = Image<float>(kLabelWidth, kLabelHeight);
     CHECK(count_behind({beyond}, views, 0.1, 1).at(kAllLabels) == (&view == &views.front() ? 1 : 0));
   }
 }
@@ -197,10 +197,10 @@ TEST_CASE("label images are found beside the range maps and reach the measures o
 }
 
 TEST_CASE("estimates of sky and riders are wrong and do not count as pixels with truth") {
-  Image<float> truth(kWidth, kHeight, 2.0F);
+  Image<float> truth(kLabelWidth, kLabelHeight, 2.0F);
   Image<float> estimate = truth;
-  Image<std::uint8_t> labels(kWidth, kHeight);
-  for (int y = 0; y < kHeight; ++y) {
+  Image<std::uint8_t> labels(kLabelWidth, kLabelHeight);
+  for (int y = 0; y < kLabelHeight; ++y) {
     for (int x = 0; x < 20; ++x) {
       truth(x, y) = 0.0F;
       labels(x, y) = x < 10 ? kSky : kRider;
@@ -219,13 +219,13 @@ TEST_CASE("estimates of sky and riders are wrong and do not count as pixels with
 
 TEST_CASE("points in front of sky and movers are counted and those on the surface behind are not") {
   TrueView view;
-  view.range = Image<float>(kWidth, kHeight, 4.0F);
-  view.labels = Image<std::uint8_t>(kWidth, kHeight);
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      if (y >= kHeight / 2) continue;
-      view.labels(x, y) = x < kWidth / 2 ? kSky : kMover;
-      if (x < kWidth / 2) view.range(x, y) = 0.0F;
+  view.range = Image<float>(kLabelWidth, kLabelHeight, 4.0F);
+  view.labels = Image<std::uint8_t>(kLabelWidth, kLabelHeight);
+  for (int y = 0; y < kLabelHeight; ++y) {
+    for (int x = 0; x < kLabelWidth; ++x) {
+      if (y >= kLabelHeight / 2) continue;
+      view.labels(x, y) = x < kLabelWidth / 2 ? kSky : kMover;
+      if (x < kLabelWidth / 2) view.range(x, y) = 0.0F;
     }
   }
   const Eigen::Vector3f in_sky(-1.0F, -1.0F, 0.5F);

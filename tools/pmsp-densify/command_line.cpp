@@ -54,13 +54,13 @@ constexpr std::size_t kDefaultColumns = 100;
 constexpr std::size_t kLeastColumns = 40;
 constexpr std::size_t kNameColumns = 22;  ///< of short_help
 
-struct Line {
+struct HelpLine {
   const char* name;
   const char* value;
   const char* what;
 };
 
-constexpr Line kVerbs[] = {
+constexpr HelpLine kVerbs[] = {
     {"run", "", "map and images to a cloud (the default)"},
     {"info", "", "checks and forecast of a run, before its arguments"},
     {"fuse", "", "existing depth maps to a cloud"},
@@ -73,7 +73,7 @@ constexpr Line kVerbs[] = {
 };
 
 /// Common options of `run`, `fuse` and `info`.
-constexpr Line kCommon[] = {
+constexpr HelpLine kCommon[] = {
     {"images", "DIR", "images of the keyframes, by name in MAP, keyframe id, timestamp or frame index"},
     {"video", "FILE", "the video that the SLAM processed, instead of --images"},
     {"fps", "F", "frame rate that turns timestamps into frame indices [default: that of the map]"},
@@ -104,7 +104,7 @@ constexpr Line kCommon[] = {
     {"plan", "FILE", "info: file for the plan (JSON)"},
 };
 
-bool is_of_info_or_fuse(const Line& line) { return std::string(line.what).find(": ") < 5; }
+bool is_of_info_or_fuse(const HelpLine& line) { return std::string(line.what).find(": ") < 5; }
 
 std::size_t columns() { return std::max(terminal_columns(STDOUT_FILENO, kDefaultColumns), kLeastColumns); }
 
@@ -153,7 +153,7 @@ class WrappedHelp : public CLI::Formatter {
 
 bool is_common(const CLI::Option& option) {
   const std::vector<std::string>& names = option.get_lnames();
-  return names.empty() || std::any_of(std::begin(kCommon), std::end(kCommon), [&](const Line& line) {
+  return names.empty() || std::any_of(std::begin(kCommon), std::end(kCommon), [&](const HelpLine& line) {
            return std::find(names.begin(), names.end(), line.name) != names.end();
          });
 }
@@ -164,9 +164,9 @@ std::string short_help() {
       wrapped("Dense, coloured point clouds from 360-degree images and the map of a SLAM or a reconstruction.", width,
               0) +
       "\n\nUsage: pmsp-densify [VERB] MAP --images DIR -o cloud.ply\n";
-  for (const Line& verb : kVerbs) text += line_of(verb.name, verb.what, width);
+  for (const HelpLine& verb : kVerbs) text += line_of(verb.name, verb.what, width);
   text += "Options of run (--help-all: every option; VERB --help: those of another verb)\n";
-  for (const Line& line : kCommon) {
+  for (const HelpLine& line : kCommon) {
     if (is_of_info_or_fuse(line)) continue;
     const std::string name = line.name == std::string("output") ? "-o, --output" : std::string("--") + line.name;
     text += line_of(name + (*line.value != '\0' ? " " : "") + line.value, line.what, width);
@@ -188,7 +188,7 @@ void wrap_help(CLI::App& app, std::size_t column_width) {
 const std::vector<std::string>& verbs() {
   static const std::vector<std::string> names = [] {
     std::vector<std::string> all;
-    for (const Line& verb : kVerbs) all.emplace_back(verb.name);
+    for (const HelpLine& verb : kVerbs) all.emplace_back(verb.name);
     return all;
   }();
   return names;

@@ -80,18 +80,17 @@ std::string suggestion(const std::string& word, const std::vector<std::string>& 
 
 namespace {
 
-using Json = nlohmann::json;
 using Devices = std::vector<int>;
 
 /// Text of `value` for OptionEntry::set. Throws InvalidOption for a wrong JSON type.
 template <class Field>
-std::string text_in(const Json& value, const OptionEntry& entry, const std::string& where) {
+std::string value_text(const nlohmann::json& value, const OptionEntry& entry, const std::string& where) {
   std::string text = value.dump();
   if constexpr (std::is_same_v<Field, Devices>) {  // a number, a list of numbers, or "all"
     if (value.is_string()) return value.get<std::string>();
     if (value.is_array()) {
       text.clear();
-      for (const Json& device : value) text += (text.empty() ? "" : ",") + device.dump();
+      for (const nlohmann::json& device : value) text += (text.empty() ? "" : ",") + device.dump();
     }
     return text;
   } else {
@@ -105,13 +104,14 @@ std::string text_in(const Json& value, const OptionEntry& entry, const std::stri
   }
 }
 
-void apply_level(DensifierOptions& options, const Json& json, const std::string& prefix, const std::string& source) {
+void apply_level(DensifierOptions& options, const nlohmann::json& json, const std::string& prefix,
+                 const std::string& source) {
   for (const auto& [name, value] : json.items()) {
     const std::string key = prefix + name;
     if (const OptionEntry* entry = find_option(key)) {
       const std::string where = source + ": " + key;
       const std::string text = std::visit(
-          [&, &set = value](auto at) { return text_in<std::decay_t<decltype(at(options))>>(set, *entry, where); },
+          [&, &set = value](auto at) { return value_text<std::decay_t<decltype(at(options))>>(set, *entry, where); },
           entry->access);
       entry->set(options, text, where);
       continue;
@@ -166,9 +166,9 @@ nlohmann::ordered_json options_of_results(const DensifierOptions& options) {
   return json;
 }
 
-void apply_json(DensifierOptions& options, const Json& json, const std::string& source) {
+void apply_json(DensifierOptions& options, const nlohmann::json& json, const std::string& source) {
   if (!json.is_object()) throw InvalidOption(source + ": holds no JSON object");
-  Json rest = json;
+  nlohmann::json rest = json;
   rest.erase("quality");  // the preset below these values, applied by the caller
   apply_level(options, rest, "", source);
 }

@@ -15,7 +15,6 @@
 namespace pmsp::eval {
 namespace {
 
-constexpr std::size_t kChunk = 4096;
 constexpr float kMinCameraDistance = 1e-3F;
 
 /// Distances of a point [m].
@@ -57,7 +56,7 @@ std::vector<PointError> measure_points(const AlignedCloud& cloud, const Surface&
   const NearestPoint tree(surface.positions);
   const auto chosen = draw(cloud.points.size(), options.max_points, options.seed);
   std::vector<PointError> errors(chosen.size());
-  parallel_chunks(chosen.size(), kChunk, options.threads, [&](std::size_t begin, std::size_t end) {
+  parallel_chunks(chosen.size(), kPointsPerTask, options.threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const Eigen::Vector3f& point = cloud.points[chosen[i]];
       const auto hit = tree.find(point);
@@ -88,7 +87,7 @@ float largest_threshold(const CloudMeasureOptions& options) {
 std::vector<Coverage> measure_coverage(const AlignedCloud& cloud, const Surface& surface, const NearestPoint& cameras,
                                        const CloudMeasureOptions& options, std::size_t& in_range) {
   std::vector<Coverage> samples(surface.positions.size());
-  parallel_chunks(samples.size(), kChunk, options.threads, [&](std::size_t begin, std::size_t end) {
+  parallel_chunks(samples.size(), kPointsPerTask, options.threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const auto camera = cameras.find(surface.positions[i], static_cast<float>(options.max_range_m));
       if (camera) samples[i] = {std::numeric_limits<float>::infinity(), camera->distance, surface.weights[i]};
@@ -107,7 +106,7 @@ std::vector<Coverage> measure_coverage(const AlignedCloud& cloud, const Surface&
   const NearestPoint tree(cloud.points);
   const float reach = largest_threshold(options);
   std::vector<Coverage> result(chosen.size());
-  parallel_chunks(chosen.size(), kChunk, options.threads, [&](std::size_t begin, std::size_t end) {
+  parallel_chunks(chosen.size(), kPointsPerTask, options.threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const std::uint32_t index = kept[chosen[i]];
       result[i] = samples[index];

@@ -14,8 +14,6 @@
 namespace pmsp::eval {
 namespace {
 
-constexpr std::size_t kChunk = 4096;
-
 /// Pixels beside thin structures and their estimates.
 class Growth {
  public:
@@ -123,7 +121,7 @@ std::map<int, std::size_t> count_points(const std::vector<Eigen::Vector3f>& poin
                                         const LabelsOf& labels_of) {
   std::map<int, std::size_t> counts;
   std::mutex mutex;
-  parallel_chunks(points.size(), kChunk, threads, [&](std::size_t begin, std::size_t end) {
+  parallel_chunks(points.size(), kPointsPerTask, threads, [&](std::size_t begin, std::size_t end) {
     std::map<int, std::size_t> chunk;
     for (std::size_t i = begin; i < end; ++i) {
       labels_of(points[i].cast<double>(), [&chunk](int label) { ++chunk[label]; });

@@ -14,6 +14,8 @@
 
 namespace pmsp::eval {
 
+constexpr std::size_t kPointsPerTask = 4096;
+
 /// Returns `threads`, or for 0 the number of CPUs available to the process.
 inline int resolve_threads(int threads) { return threads > 0 ? threads : usable_cpus(); }
 

@@ -219,11 +219,11 @@ std::vector<std::string> split_words(const std::string& line) {
 
 namespace {
 
-constexpr const char* kAbout =
+constexpr const char* kBatchAbout =
     "Many missions, each in a separate process, with results, log and status in the directory DIR/NAME. The\n"
     "failure of one does not affect others. DIR records the list and the options: `batch -o DIR` resumes with them.\n";
 
-constexpr const char* kMore =
+constexpr const char* kBatchMore =
     "Options of `run` (see run --help-all) apply to all missions; options of a mission override them.\n"
     "--depth-maps, --preview and --report are names inside the directories of the missions. --format ply,las selects\n"
     "the formats of the clouds, written as cloud.ply, cloud.las and so on. -o, --stats and --workspace are set by the\n"
@@ -369,8 +369,8 @@ std::optional<BatchArguments> parse_batch_arguments(int argc, const char* const*
   a.program = argv[0];
   std::vector<std::string> words(argv + 2, argv + argc);
   a.words = words_for_jobs(words);
-  CLI::App app(kAbout, "pmsp-densify batch");
-  set_up_verb(app, kMore);
+  CLI::App app(kBatchAbout, "pmsp-densify batch");
+  set_up_verb(app, kBatchMore);
   add_own(app, a);
   add_mission_options(app, "", a.options);
   spell_out_switches(words);

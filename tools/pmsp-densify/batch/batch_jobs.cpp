@@ -159,7 +159,7 @@ double number_after(const fs::path& file, const std::string& name) {
 }
 
 /// First number of a file; nullopt = none ("max").
-std::optional<double> number_in(const fs::path& file) {
+std::optional<double> first_number_in(const fs::path& file) {
   double number = 0.0;
   if (std::ifstream(file) >> number) return number;
   return std::nullopt;
@@ -182,8 +182,8 @@ double left_in(const Groups& groups, const fs::path& path) {
   double left = std::numeric_limits<double>::infinity();
   for (fs::path group = path;; group = group.parent_path()) {
     const fs::path folder = groups.root / group.relative_path();
-    const auto limit = number_in(folder / groups.limit);
-    const auto used = number_in(folder / groups.used);
+    const auto limit = first_number_in(folder / groups.limit);
+    const auto used = first_number_in(folder / groups.used);
     if (limit && used) left = std::min(left, *limit - *used + number_after(folder / "memory.stat", groups.cached));
     if (!group.has_relative_path()) return left;
   }

@@ -31,7 +31,7 @@ namespace {
 
 using Json = nlohmann::ordered_json;  // keeps the order of options
 
-constexpr std::array kColumns{"name", "map", "images", "video", "mask", "options"};
+constexpr std::array kManifestColumns{"name", "map", "images", "video", "mask", "options"};
 /// Text fields of a mission by key.
 constexpr std::pair<const char*, std::string Mission::*> kTexts[] = {
     {"name", &Mission::name},   {"map", &Mission::map},   {"images", &Mission::images},
@@ -41,7 +41,7 @@ constexpr const char* kNameCharacters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLM
 constexpr std::size_t kMaxName = 200;
 constexpr const char* kRecord = "batch.json";
 
-struct Line {
+struct ManifestLine {
   std::size_t number = 0;
   std::string text;
 };
@@ -49,9 +49,9 @@ struct Line {
 std::string stripped(const std::string& text) { return trimmed(text, " \t\r"); }
 
 /// Lines without blank ones and comments.
-std::vector<Line> lines_of(std::string text) {
+std::vector<ManifestLine> lines_of(std::string text) {
   if (text.rfind("\xEF\xBB\xBF", 0) == 0) text.erase(0, 3);
-  std::vector<Line> lines;
+  std::vector<ManifestLine> lines;
   std::size_t number = 1;
   for (std::size_t begin = 0; begin < text.size(); ++number) {
     const std::size_t end = std::min(text.find('\n', begin), text.size());
@@ -106,7 +106,9 @@ std::string& column(Mission& mission, const std::string& key) {
          std::find_if(std::begin(kTexts), std::end(kTexts), [&](const auto& it) { return key == it.first; })->second;
 }
 
-bool is_column(const std::string& key) { return std::find(kColumns.begin(), kColumns.end(), key) != kColumns.end(); }
+bool is_column(const std::string& key) {
+  return std::find(kManifestColumns.begin(), kManifestColumns.end(), key) != kManifestColumns.end();
+}
 
 /// Converts options in the format of --config to arguments: {"fusion": {"window": 7}} to --fusion-window=7.
 void words_of_object(const Json& object, const std::string& prefix, std::vector<std::string>& words) {
@@ -142,7 +144,7 @@ void read_object(const std::string& line, const fs::path& folder, Mission& missi
   std::string mistake;
   for (const auto& [key, value] : object.items()) {
     if (!is_column(key)) {
-      mistake = "there is no key \"" + key + "\"" + suggestion(key, {kColumns.begin(), kColumns.end()});
+      mistake = "there is no key \"" + key + "\"" + suggestion(key, {kManifestColumns.begin(), kManifestColumns.end()});
     } else if (key == "options" ? !value.is_object() : !value.is_string()) {
       mistake = "\"" + key + "\" is " + value.dump() + "; expected " + (key == "options" ? "an object" : "a string");
     } else if (key != "options") {
@@ -166,7 +168,7 @@ std::vector<std::string> cells_of(const std::string& line) {
   return cells;
 }
 
-std::vector<std::string> columns_of(const Line& head, const std::string& path) {
+std::vector<std::string> columns_of(const ManifestLine& head, const std::string& path) {
   std::vector<std::string> columns = cells_of(head.text);
   const std::string where = path + ": line " + std::to_string(head.number) + ": ";
   for (auto it = columns.begin(); it != columns.end(); ++it) {
@@ -236,7 +238,7 @@ Mission mission_from(const Json& json) {
 }
 
 /// As options, for `difference`.
-std::vector<std::string> words_of(const Mission& mission) {
+std::vector<std::string> words_of_mission(const Mission& mission) {
   std::vector<std::string> words;
   for (const auto& [key, text] : kTexts) {
     if (text != &Mission::name && text != &Mission::error && !(mission.*text).empty()) {
@@ -250,7 +252,7 @@ std::vector<std::string> words_of(const Mission& mission) {
 }  // namespace
 
 Manifest read_manifest(const std::string& path) {
-  const std::vector<Line> lines = lines_of(text_of_manifest(path));
+  const std::vector<ManifestLine> lines = lines_of(text_of_manifest(path));
   Manifest manifest;
   manifest.path = path;
   manifest.folder = (fs::current_path() / (path == "-" ? fs::path() : fs::path(path).parent_path())).lexically_normal();
@@ -309,7 +311,7 @@ void write_record(const fs::path& folder, const Manifest& record) {
 }
 
 std::string line_difference(const Mission& recorded, const Mission& given) {
-  const std::vector<std::string> before = words_of(recorded), now = words_of(given);
+  const std::vector<std::string> before = words_of_mission(recorded), now = words_of_mission(given);
   const std::string added = difference(before, now);
   if (!added.empty()) return added;
   for (const std::string& word : before) {

@@ -48,12 +48,12 @@ struct ConvertArguments {
   bool quiet = false;
 };
 
-constexpr const char* kAbout =
+constexpr const char* kConvertAbout =
     "Converts a cloud (PLY, LAS or Potree) or a workspace (run --workspace) to another format, frame, unit or amount,\n"
     "without images. --align, --up, --transform and --scale apply to the frame of IN instead of that of the map, in\n"
     "this order; the header of OUT contains the whole transform from the map.\n";
 
-constexpr const char* kMore =
+constexpr const char* kConvertMore =
     "Examples:\n"
     "  pmsp-densify convert cloud.ply -o cloud.las\n"
     "  pmsp-densify convert cloud.ply -o metres.ply --length 0.1,-0.2,1.5 0.1,0.9,1.5 2.01\n"
@@ -121,8 +121,8 @@ std::optional<ConvertArguments> parse_convert_arguments(int argc, const char* co
   ConvertArguments a;
   a.cloud.paths.clear();
   std::vector<std::string> length;
-  CLI::App app(kAbout, "pmsp-densify convert");
-  set_up_verb(app, kMore);
+  CLI::App app(kConvertAbout, "pmsp-densify convert");
+  set_up_verb(app, kConvertMore);
   app.add_option("from", a.from, "Cloud or workspace")->type_name("IN");
   add_cloud_options(app, a.cloud);
   app.add_flag("--force", a.force, "Overwrite existing outputs")->group("Output");

@@ -14,8 +14,7 @@
 namespace pmsp::tool {
 namespace {
 
-constexpr int kWidth = kPaceWidth;
-constexpr int kHeight = kWidth / 2;
+constexpr int kPaceHeight = kPaceWidth / 2;
 constexpr int kKeyframes = 8;
 constexpr double kStep = 0.4;                   // between keyframes, all of which see the whole box
 const Eigen::Vector3d kHalf = {4.0, 1.6, 3.0};  // half sides of the box, around the middle of the path
@@ -50,8 +49,8 @@ double cpu_seconds() {
 }
 
 DensifierOptions small(DensifierOptions options) {
-  options.width = kWidth;
-  options.height = kHeight;
+  options.width = kPaceWidth;
+  options.height = kPaceHeight;
   options.backend = Backend::kCpu;
   options.threads = 1;
   options.scratch_folder.clear();
@@ -78,10 +77,10 @@ std::vector<Landmark> landmarks() {
 }
 
 Image<Rgb> picture_from(const Eigen::Vector3d& center) {
-  Image<Rgb> image(kWidth, kHeight);
-  for (int y = 0; y < kHeight; ++y) {
-    for (int x = 0; x < kWidth; ++x) {
-      const std::uint8_t gray = gray_at(hit(center, bearing_from_pixel({x + 0.5, y + 0.5}, kWidth, kHeight)));
+  Image<Rgb> image(kPaceWidth, kPaceHeight);
+  for (int y = 0; y < kPaceHeight; ++y) {
+    for (int x = 0; x < kPaceWidth; ++x) {
+      const std::uint8_t gray = gray_at(hit(center, bearing_from_pixel({x + 0.5, y + 0.5}, kPaceWidth, kPaceHeight)));
       image(x, y) = {gray, gray, gray};
     }
   }
@@ -125,7 +124,7 @@ CpuPace measure_cpu_pace(const DensifierOptions& given) {
     duplicate_views += static_cast<double>(entry.duplicate_views.size());
     maps += 1.0;
   }
-  const double pixels = static_cast<double>(kWidth) * kHeight;
+  const double pixels = static_cast<double>(kPaceWidth) * kPaceHeight;
   CpuPace pace;
   double fastest = 0.0, spent = 0.0;
   for (int i = 0; i < kRepetitions && spent < kLongEnough; ++i) {

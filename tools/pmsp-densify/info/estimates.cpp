@@ -103,19 +103,20 @@ class PointShare {
   }
 
   double of(const PlanEntry& entry) const {
-    constexpr int kColumns = 20, kRows = 10;
+    constexpr int kBoxColumns = 20, kBoxRows = 10;
     const MapKeyframe* const keyframe = map_.find_keyframe(entry.id);
     if (keyframe == nullptr) return kKept;
     const Eigen::Vector3d& center = views_.at(entry.id).center;
-    std::array<bool, static_cast<std::size_t>(kColumns) * kRows> known{};
+    std::array<bool, static_cast<std::size_t>(kBoxColumns) * kBoxRows> known{};
     std::vector<const MapLandmark*> places;
     for (const MapObservation& observation : keyframe->observations) {
       const MapLandmark* const landmark = map_.find_landmark(observation.landmark_id);
       if (landmark == nullptr) continue;
       const Eigen::Vector2d at =
-          pixel_from_bearing(keyframe->cam_from_world * landmark->position_world, kColumns, kRows);
-      if (!(at.array() >= 0.0).all() || !(at.x() < kColumns) || !(at.y() < kRows)) continue;
-      bool& is_known = known[static_cast<std::size_t>(static_cast<int>(at.y()) * kColumns + static_cast<int>(at.x()))];
+          pixel_from_bearing(keyframe->cam_from_world * landmark->position_world, kBoxColumns, kBoxRows);
+      if (!(at.array() >= 0.0).all() || !(at.x() < kBoxColumns) || !(at.y() < kBoxRows)) continue;
+      bool& is_known =
+          known[static_cast<std::size_t>(static_cast<int>(at.y()) * kBoxColumns + static_cast<int>(at.x()))];
       if (is_known) continue;
       is_known = true;
       places.push_back(landmark);

@@ -26,11 +26,11 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-constexpr const char* kAbout =
+constexpr const char* kReportAbout =
     "The page of `run --report` from a cloud (PLY, LAS, Potree) or a workspace (run --workspace), without another\n"
     "run. It omits and lists what these do not contain.\n";
 
-constexpr const char* kMore =
+constexpr const char* kReportMore =
     "Examples:\n"
     "  pmsp-densify report cloud.ply -o cloud.html\n"
     "  pmsp-densify report work/ -o mission.html";
@@ -62,8 +62,8 @@ struct ReportVerbArguments {
 std::optional<ReportVerbArguments> parse_report_arguments(int argc, const char* const* argv) {
   ReportVerbArguments a;
   bool force = false;
-  CLI::App app(kAbout, "pmsp-densify report");
-  set_up_verb(app, kMore);
+  CLI::App app(kReportAbout, "pmsp-densify report");
+  set_up_verb(app, kReportMore);
   app.add_option("from", a.from, "Cloud or workspace")->type_name("CLOUD|WORKSPACE");
   app.add_option("-o,--output", a.report.path, "Page (HTML)")->type_name("FILE")->group("Output");
   app.add_flag("--force", force, "Overwrite an existing page")->group("Output");

@@ -12,7 +12,7 @@
 namespace pmsp::tool {
 namespace {
 
-constexpr std::size_t kMaxPoints = 5'000'000;
+constexpr std::size_t kMaxShownPoints = 5'000'000;
 constexpr std::size_t kMinPointsEach = 1'000;
 
 HttpOptions http_options(const LiveArguments& arguments) {
@@ -42,7 +42,7 @@ LiveView::LiveView(const LiveArguments& arguments)
 void LiveView::begin(const SlamMap& map, LivePage page) {
   added_.clear();
   points_each_ =
-      std::clamp(kMaxPoints / std::max<std::size_t>(map.keyframes.size(), 1), kMinPointsEach, web::kMaxLivePoints);
+      std::clamp(kMaxShownPoints / std::max<std::size_t>(map.keyframes.size(), 1), kMinPointsEach, web::kMaxLivePoints);
   std::vector<TrajectoryPose> trajectory;
   for (const MapKeyframe* keyframe : in_time_order(map)) trajectory.push_back({keyframe->id, keyframe->cam_from_world});
   server_.set_page(std::move(page), std::move(trajectory));

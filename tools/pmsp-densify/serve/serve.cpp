@@ -21,12 +21,12 @@
 namespace pmsp::tool {
 namespace {
 
-constexpr const char* kAbout =
+constexpr const char* kServeAbout =
     "Serves a report and the files of its directory, such as a Potree cloud, over HTTP to browsers of this computer,\n"
     "until Ctrl-C. The first line on stdout is the address to open. It contains a random token, without which nothing\n"
     "is served.\n";
 
-constexpr const char* kMore =
+constexpr const char* kServeMore =
     "A directory shows its index.html, its only page, or a list of its pages. Symbolic links and names with a leading\n"
     "dot are not served.\n"
     "\n"
@@ -44,8 +44,8 @@ struct ServeArguments {
 std::optional<ServeArguments> parse_serve_arguments(int argc, const char* const* argv) {
   ServeArguments a;
   std::filesystem::path what;
-  CLI::App app(kAbout, "pmsp-densify serve");
-  set_up_verb(app, kMore);
+  CLI::App app(kServeAbout, "pmsp-densify serve");
+  set_up_verb(app, kServeMore);
   app.add_option("what", what, "Report or directory")->type_name("FILE|DIR");
   app.add_option_function<std::string>(
          "--port", [&a](const std::string& text) { a.http.port = port_from("--port", text); },
