@@ -36,7 +36,7 @@ struct Evidence {
   F roughness;      ///< mean deviation of surrounding planes
   F agree;          ///< number of agreeing maps
   F maps;           ///< number of compared maps
-  F score;          ///< photometric
+  F score;          ///< see PlaneMap::score
 };
 
 /// Score below which the expected error grows in inverse proportion, down to the second value. Without texture, maps
@@ -65,19 +65,19 @@ PMSP_HD F expected_error(const Evidence<F>& evidence, float correction) {
   // Angular resolution [rad], that of 1440 columns at any size: coarser maps are matched on finer images, finer ones
   // are limited by the poses.
   constexpr float kResolved = 0.00436F;
-  constexpr float kOfSpread = 0.56F;
-  constexpr float kOfNoise = 0.077F;  // [px]
+  constexpr float kErrorPerSpread = 0.56F;
+  constexpr float kErrorPerNoise = 0.077F;  // [px]
   constexpr float kLeast = 5e-5F;
   const F agree = max(evidence.agree, F(0.1F));
-  const F differs = sqrt(evidence.square_spread / agree);
-  const F spread = differs + F(kFloor);
+  const F rms_deviation = sqrt(evidence.square_spread / agree);
+  const F spread = rms_deviation + F(kFloor);
   const F resolution = F(kResolved) / sqrt(evidence.square_gain + F(1e-8F));
   const F mean = sqrt((evidence.roughness + F(kFloor)) * sqrt(spread * resolution));
   const F score = min(max(evidence.score, F(kMinAgreementScore)), F(1));
   const F doubt = F(kTrustedScore) / min(score, F(kTrustedScore));
   const F error = F(correction * kCalibration) * mean * doubt * evidence.maps / agree;
-  const F of_spread = F(correction * kOfSpread) * differs;
-  const F of_noise = F(kOfNoise) * resolution;
+  const F of_spread = F(correction * kErrorPerSpread) * rms_deviation;
+  const F of_noise = F(kErrorPerNoise) * resolution;
   const F square_of_noise = of_noise * of_noise * (F(1) - score) / score;
   return sqrt(fma(error, error, fma(of_spread, of_spread, square_of_noise))) + F(kLeast);
 }
@@ -122,7 +122,7 @@ struct ConsistencyFilter {
   typename ViewTypes::Map map;
   GridView grid;
   ComparedMap<ViewTypes> others[kMaxCompared];
-  int count;  ///< of `others`; 0 = the filter is disabled
+  int count;  ///< of `others`; 0 = none, or the filter is disabled
   int min_agreeing;
   float tolerance;
   float width_factor;      ///< width_correction
@@ -139,7 +139,7 @@ struct ConsistencyFilter {
     const Surface<F> surface = surface_of(plane_at<F>(map, at.index), bearing);
     const F score = min(score_at<F>(map, at.index), F(1));
     F found = score;
-    F reported = score;
+    F with_pose = score;
     const MaskOf<F> far = surface.depth > F(1.0F / kFarLimit);
     MaskOf<F> kept = surface.known;
     if (count > 0 && any(kept)) {
@@ -168,11 +168,11 @@ struct ConsistencyFilter {
                                    score};
         const F error = expected_error(evidence, width_factor);
         found = confidence_of_error(error);
-        reported = confidence_of_error(add_pose_error(error, votes.square_gain, votes.agree, pose_error));
+        with_pose = confidence_of_error(add_pose_error(error, votes.square_gain, votes.agree, pose_error));
       }
     }
     store<F>(select(kept, found, F(0)), confidence + at.first, at.count);
-    if (with_pose_error != nullptr) store<F>(select(kept, reported, F(0)), with_pose_error + at.first, at.count);
+    if (with_pose_error != nullptr) store<F>(select(kept, with_pose, F(0)), with_pose_error + at.first, at.count);
     counted[0] = surface.known;
     counted[1] = kept & !far;
     counted[2] = kept & far;

@@ -20,8 +20,8 @@ struct CubeView {
   std::int32_t face_elements;  ///< (size + 1)^2
 };
 
-/// Texel of gray value 1.
-constexpr int kTexelsPerGray = 257;
+/// Units of a 16-bit texel per gray level.
+constexpr int kUnitsPerGray = 257;
 
 PMSP_HD bool is_empty(const CubeView& cube) { return cube.quads == nullptr; }
 
@@ -88,7 +88,7 @@ PMSP_HD F sample(const CubeView& cube, const Vec3<F>& p) {
   const F fu = at.u - iu;
   const F upper = fma(fu, t10 - t00, t00);
   const F lower = fma(fu, t11 - t01, t01);
-  return F(1.0F / kTexelsPerGray) * fma(at.v - iv, lower - upper, upper);
+  return F(1.0F / kUnitsPerGray) * fma(at.v - iv, lower - upper, upper);
 }
 
 }  // namespace pmsp::kernels

@@ -12,10 +12,10 @@
 #include "surfel.h"
 
 // Duplicate removal: selection of one of several points of the same surface patch. All functions are pure in the stored
-// surfels (surfel.h): results depend on the viewers, not on any order.
+// surfels (surfel.h): results depend on the other views, not on any order.
 //
 // Pixels have a strict total order: finer sampling first, then higher confidence, then the keyframe. Duplicates of a
-// pixel rank higher, so that no two pixels wait for each other. Each round reads the status of the previous one: a
+// pixel rank better, so that no two pixels wait for each other. Each round reads the status of the previous one: a
 // pixel is dropped if a duplicate is kept, kept if none is kept or open, else stays open. Pixels that are open after
 // the last round are kept, so that every dropped pixel has a kept duplicate.
 namespace pmsp::kernels {
@@ -158,7 +158,7 @@ PMSP_HD MaskOf<F> is_duplicate(const UIntOf<F>& surfel, const UIntOf<F>& status,
          (min(abs(dot(apart, there)), abs(dot(apart, normal))) <= tolerance);
 }
 
-/// Round of duplicate removal for the open pixels of a keyframe. A viewer stays a candidate of a pixel while it has a
+/// Round of duplicate removal for the open pixels of a keyframe. A view stays a candidate of a pixel while it has a
 /// kept or open duplicate of it. Rows of the CPU (src/cpu/duplicate_row.h) and warps of a GPU (src/cuda/duplicates.cu)
 /// divide the work differently.
 struct DuplicateRound {

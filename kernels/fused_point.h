@@ -116,13 +116,13 @@ struct FusePixels {
       agree = agree | select_bits<F>(same, U(1U << static_cast<unsigned>(k)));
     }
     const F share = F(1) / weights;
-    F reported = confidence;
+    F with_pose = confidence;
     if (pose_error > 0.0F) {
-      reported = confidence_of_error(add_pose_error(error_of_confidence(confidence), square_gain, maps, pose_error));
+      with_pose = confidence_of_error(add_pose_error(error_of_confidence(confidence), square_gain, maps, pose_error));
     }
-    const PackedPoint<U> point = pack_point(F(depths * share), normalized(normals), Vec3<F>(share * colors), reported);
+    const PackedPoint<U> point = pack_point(F(depths * share), normalized(normals), Vec3<F>(share * colors), with_pose);
     put(at, {select_bits<F>(known, point.surfel), select_bits<F>(known, point.detail)},
-        select_bits<F>(known, pack_status(reported, PointStatus::kOpen)), agree);
+        select_bits<F>(known, pack_status(with_pose, PointStatus::kOpen)), agree);
   }
 
  private:

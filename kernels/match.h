@@ -169,7 +169,7 @@ struct ReorderPlanes {
   }
 };
 
-/// Subtracts the prior bonus from the scores, which then are image evidence only (pmsp::subtract_priors). A stage; `to`
+/// Subtracts the prior bonus from the scores (pmsp::subtract_priors). A stage; `to`
 /// may be `map`.
 template <class ViewTypes>
 struct ScoresWithoutPriors {
@@ -235,8 +235,7 @@ struct PatchMatchPass {
   }
 
   /// Propagation and refinement. The pixel's current plane comes first, since it determines the weights of the views.
-  /// `rescore`: scores are from the previous pass, with other
-  /// depth maps and priors: recompute them.
+  /// `rescore`: scores are from the previous pass, with other depth maps and priors: recompute them.
   template <class F, class Patch>
   PMSP_HD void iterate(PixelContext<F, Patch>& context, const PixelBatch<F>& batch, int iteration, bool rescore) const {
     const MaskOf<F> unmasked = is_unmasked<F>(mask, batch.index);

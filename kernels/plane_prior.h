@@ -9,8 +9,8 @@
 
 // Prior planes for surfaces without texture, from the reliable surface around them (after ACMP's planar prior, Xu and
 // Tao 2020, but without a triangulation). The sphere is divided into cells. A cell's support is the point of its depth
-// map with the best image evidence. For cells with unsure pixels, the first support is searched along great circles in
-// all directions; the plane that explains these supports best, fitted to them or adopted from another cell, is the
+// map with the best image evidence. For cells with uncertain pixels, the first support is searched along great circles
+// in all directions; the plane that explains these supports best, fitted to them or adopted from another cell, is the
 // cell's prior plane. Three supports that surround a cell define a fitted plane: priors interpolate between known
 // surfaces, they do not extrapolate. Functions of cells branch, and therefore use plain floats; cells are few. If no
 // plane is found, prior depth may provide one (Keyframe::prior_depth), provided that it agrees with the
@@ -63,12 +63,12 @@ struct NearestSupports {
   int count;
 
   PMSP_HD Vec3<float> point(int d) const { return {x[d], y[d], z[d]}; }
-  PMSP_HD void put(int d, const Vec3<float>& point, float error, float tightness_there) {
+  PMSP_HD void put(int d, const Vec3<float>& point, float error, float inverse_tolerance_there) {
     x[d] = point.x;
     y[d] = point.y;
     z[d] = point.z;
     errors[d] = error;
-    inverse_tolerance[d] = tightness_there;
+    inverse_tolerance[d] = inverse_tolerance_there;
   }
 };
 
@@ -86,7 +86,7 @@ PMSP_HD PriorPlane no_plane() { return {{0.0F, 0.0F, 0.0F}, 0, static_cast<float
 struct SupportPixel {
   float cost;
   int index;       ///< of the map; -1 = none
-  bool uncertain;  ///< whether there are unsure pixels
+  bool uncertain;  ///< whether there are uncertain pixels
   int pixels;      ///< number
   int far;         ///< number of far ones
 };
@@ -261,7 +261,7 @@ PMSP_HD int great_circle_steps(int rows) {
   return static_cast<int>(kPriorReach / static_cast<float>(kPi) * static_cast<float>(rows));
 }
 
-/// Writes the first support in a direction from a cell with unsure pixels.
+/// Writes the first support in a direction from a cell with uncertain pixels.
 template <class ViewTypes>
 PMSP_HD void find_surroundings(const PriorCells<ViewTypes>& cells, int column, int row, int direction) {
   const int cell = row * cells.columns + column;
@@ -450,20 +450,20 @@ PMSP_HD float support_weight(const Vec3<float>& p, const Vec3<float>& center) {
 /// Factor that moves the prior depth plane at a support to the support; 0 = no prior depth plane.
 template <class ViewTypes>
 PMSP_HD float prior_depth_ratio(const PriorCells<ViewTypes>& cells, const Vec3<float>& p) {
-  const float prior_depth_plane = dot(cells.prior_depth_planes[pixel_index(p, cells.columns, cells.rows)], p);
-  return prior_depth_plane > 0.0F ? 1.0F / prior_depth_plane : 0.0F;
+  const float inverse = dot(cells.prior_depth_planes[pixel_index(p, cells.columns, cells.rows)], p);
+  return inverse > 0.0F ? 1.0F / inverse : 0.0F;
 }
 
 /// Weighted mean of the factors around a cell that differ from `from` by less than `tolerance`, and their share of all.
-struct ExternalRatio {
+struct PriorDepthRatio {
   float ratio;
   float share;
   int count;
 };
 template <class ViewTypes>
-PMSP_HD ExternalRatio mean_ratio(const PriorCells<ViewTypes>& cells, const NearestSupports& around,
-                                 const Vec3<float>& center, float from, float tolerance) {
-  ExternalRatio mean{0.0F, 0.0F, 0};
+PMSP_HD PriorDepthRatio mean_ratio(const PriorCells<ViewTypes>& cells, const NearestSupports& around,
+                                   const Vec3<float>& center, float from, float tolerance) {
+  PriorDepthRatio mean{0.0F, 0.0F, 0};
   float all = 0.0F;
   for (int d = 0; d < kPriorDirections; ++d) {
     const Vec3<float> p = around.point(d);
@@ -509,20 +509,21 @@ PMSP_HD Vec3<float> through_supports(const Vec3<float>& plane, const NearestSupp
   return fma(1.0F / determinant, move, plane);
 }
 
-/// External plane of a cell, corrected by the factors of the reliable surface around. Zero if these do not agree.
+/// Plane of a cell from prior depth, corrected by the factors of the reliable surface around. Zero if these do not
+/// agree.
 template <class ViewTypes>
 PMSP_HD Vec3<float> corrected_prior_depth(const PriorCells<ViewTypes>& cells, int column, int row) {
   const Vec3<float> none{0.0F, 0.0F, 0.0F};
   const int cell = row * cells.columns + column;
-  const Vec3<float> prior_depth_planes = cells.prior_depth_planes[cell];
+  const Vec3<float> prior_depth_plane = cells.prior_depth_planes[cell];
   const NearestSupports& around = cells.around[cell];
-  if (!is_point(prior_depth_planes) || around.count < kPriorDepthMinSupports) return none;
+  if (!is_point(prior_depth_plane) || around.count < kPriorDepthMinSupports) return none;
   const Vec3<float> center = cell_bearing(column, row, cells.columns, cells.rows);
-  const ExternalRatio all = mean_ratio(cells, around, center, 1.0F, 1e6F);
+  const PriorDepthRatio all = mean_ratio(cells, around, center, 1.0F, 1e6F);
   if (all.count < kPriorDepthMinSupports) return none;
-  const ExternalRatio agreed = mean_ratio(cells, around, center, all.ratio, kPriorDepthTolerance);
+  const PriorDepthRatio agreed = mean_ratio(cells, around, center, all.ratio, kPriorDepthTolerance);
   if (agreed.count < kPriorDepthMinSupports || agreed.share < kPriorDepthMinShare) return none;
-  const Vec3<float> plane = through_supports(agreed.ratio * prior_depth_planes, around);
+  const Vec3<float> plane = through_supports(agreed.ratio * prior_depth_plane, around);
   return is_allowed(plane, center, cells.limits) ? plane : none;
 }
 

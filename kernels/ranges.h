@@ -18,9 +18,9 @@ struct RangeMapView {
 };
 
 struct FreeSpaceLimits {
-  float min_through;  ///< seen through: range / nearest below this; less than min_near
-  float min_near;     ///< on the surface: range / nearest from this
-  float max_far;      ///< on the surface: range / farthest up to this
+  float through_below;  ///< seen through: range / nearest below this; less than min_near
+  float min_near;       ///< on the surface: range / nearest from this
+  float max_far;        ///< on the surface: range / farthest up to this
 };
 
 /// Evidence of a keyframe on a point; at most one of the two masks is set.
@@ -41,7 +41,7 @@ PMSP_HD RangeVote<F> range_vote(const Vec3<F>& point, const RangeMapView& other,
   const F nearest = gather<F>(other.nearest, index);
   const F farthest = gather<F>(other.farthest, index);
   const MaskOf<F> on_surface = (range >= nearest * F(limits.min_near)) & (range <= farthest * F(limits.max_far));
-  const MaskOf<F> through = range < nearest * F(limits.min_through);  // false without a depth
+  const MaskOf<F> through = range < nearest * F(limits.through_below);  // false without a depth
   return {on_surface, through, square};
 }
 

@@ -7,11 +7,11 @@
 #include "stage.h"
 #include "surfel.h"
 
-// Wide planes of a keyframe: floor, ceiling, walls. A plane is fitted to the points of each field of the sphere; those
+// Wide planes of a keyframe: floor, ceiling, walls. A plane is fitted to the points of each tile of the sphere; those
 // with the largest share of the sphere are kept.
 namespace pmsp::kernels {
 
-constexpr int kTileColumns = 16;  ///< number of fields in a row
+constexpr int kTileColumns = 16;  ///< number of tiles in a row
 constexpr int kTileRows = 8;
 constexpr int kTiles = kTileColumns * kTileRows;
 constexpr int kTileSide = 20;               ///< points along each side of a tile, for the fit
@@ -134,7 +134,7 @@ struct FitTiles {
 };
 
 /// Support of a tile's plane, from one of its threads.
-struct FieldSupport {
+struct TileSupport {
   float points;  ///< points of the share on the plane
   float sphere;  ///< weight of the points on the plane, in a part of the lattice on the sphere
 };
@@ -146,7 +146,7 @@ struct MeasureTiles {
   const std::uint32_t* surfels;
   GridView grid;
   const TileSums* sums;  ///< of the last fit
-  FieldSupport* supports;
+  TileSupport* supports;
 
   PMSP_HD int width() const { return kTileColumns * kTileSide; }
   PMSP_HD int height() const { return kTileRows; }
@@ -154,7 +154,7 @@ struct MeasureTiles {
   PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
     const TileThread thread = tile_thread(at);
     const Vec3<float> plane = plane_of_sums(sums + (at.index - thread.number));
-    FieldSupport own{0.0F, 0.0F};
+    TileSupport own{0.0F, 0.0F};
     const bool is_there = dot(plane, plane) > 0.0F;
     for (int i = 0; i < kTileSide && is_there; ++i) {
       const Vec3<float> point = tile_point(surfels, grid, thread, i);
@@ -170,13 +170,13 @@ struct MeasureTiles {
   }
 };
 
-/// Plane of each field; a stage over the fields.
+/// Plane of each tile; a stage over the tiles.
 struct FindWidePlanes {
   static constexpr int kCounts = 0;
 
   GridView grid;
   const TileSums* sums;
-  const FieldSupport* supports;
+  const TileSupport* supports;
   WidePlane* found;
 
   PMSP_HD int width() const { return kTileColumns; }
@@ -184,7 +184,7 @@ struct FindWidePlanes {
 
   PMSP_HD void operator()(const RowPixels<float>& at, bool* /*counted*/) const {
     const int first = at.index * kTileSide;
-    FieldSupport all{0.0F, 0.0F};
+    TileSupport all{0.0F, 0.0F};
     for (int i = first; i < first + kTileSide; ++i) {
       all.points += supports[i].points;
       all.sphere += supports[i].sphere;
@@ -220,10 +220,10 @@ struct ChooseWidePlanes {
     for (int m = 0; m < kWidePlanes; ++m) {
       best[m] = {{0.0F, 0.0F, 0.0F}, kLeastOfSphere};
       for (int i = 0; i < kTiles; ++i) {
-        const WidePlane field = found[i];
-        bool is_new = field.support > best[m].support;
-        for (int other = 0; other < m && is_new; ++other) is_new = !is_same_plane(field.plane, best[other].plane);
-        if (is_new) best[m] = field;
+        const WidePlane tile = found[i];
+        bool is_new = tile.support > best[m].support;
+        for (int other = 0; other < m && is_new; ++other) is_new = !is_same_plane(tile.plane, best[other].plane);
+        if (is_new) best[m] = tile;
       }
     }
     for (int m = 0; m < kWidePlanes; ++m) chosen[m] = best[m];

@@ -148,7 +148,7 @@ void Pipeline::finish() {
   planner_.finish();
   advance(true);
   engine_->deliver(true);
-  views_.clear();
+  used_.clear();
   index_of_.clear();
   dropped_ = planner_keyframes_;
   drop_entries(planner_.entries().size());
@@ -166,14 +166,14 @@ void Pipeline::prepare(const Keyframe& keyframe, std::size_t entry_index) {
   }
   index_of_[keyframe.id] = order_.end();
   order_.add_keyframe();
-  views_.push_back({keyframe, engine_->prepare(keyframe), entry_index});
-  views_.back().frame->emits_results = !part_ || part_->emits(entry_index);
+  used_.push_back({keyframe, engine_->prepare(keyframe), entry_index});
+  used_.back().frame->emits_results = !part_ || part_->emits(entry_index);
   for (const Stage& stage : order_.schedule().stages()) {
-    if (runs(stage, views_.back())) stats_.work_remaining += stage.cost();
+    if (runs(stage, used_.back())) stats_.work_remaining += stage.cost();
   }
-  views_.back().keyframe.image = {};
-  views_.back().keyframe.mask = {};
-  views_.back().keyframe.prior_depth = {};
+  used_.back().keyframe.image = {};
+  used_.back().keyframe.mask = {};
+  used_.back().keyframe.prior_depth = {};
   ++taken_;
 }
 
@@ -193,7 +193,7 @@ void Pipeline::advance(bool last) {
 
 void Pipeline::run_task(const Task& task, bool last) {
   const Stage& stage = order_.schedule().stages()[task.stage];
-  const double cost = runs(stage, view(task.keyframe)) ? stage.cost() : 0.0;
+  const double cost = runs(stage, used(task.keyframe)) ? stage.cost() : 0.0;
   run(stage, task.keyframe);
   order_.mark(task);
   release(last);
@@ -206,7 +206,7 @@ void Pipeline::run_task(const Task& task, bool last) {
 bool Pipeline::may_run(const Task& task, bool last) {
   if (!last && !is_planned(task)) return false;
   const Stage& stage = order_.schedule().stages()[task.stage];
-  const UsedKeyframe& reference = view(task.keyframe);
+  const UsedKeyframe& reference = used(task.keyframe);
   const std::optional<std::int64_t>& from = entry_of(reference).first_planes;
   const bool starts = stage.kind == Stage::Kind::kMatch && stage.step == 0 && runs(stage, reference);
   return !starts || !from || order_.is_done({task.stage, index_of_.at(*from)});
@@ -216,7 +216,7 @@ bool Pipeline::may_run(const Task& task, bool last) {
 bool Pipeline::is_planned(const Task& task) {
   const Stage& stage = order_.schedule().stages()[task.stage];
   if (part_) return !options_.unordered && task.keyframe + stage.lookahead < order_.end();
-  return view(task.keyframe).entry_index - dropped_ < planned_for(stage.kind);
+  return used(task.keyframe).entry_index - dropped_ < planned_for(stage.kind);
 }
 
 /// Returns the number of the planner's entries that are decided for stages of a kind.
@@ -236,7 +236,7 @@ std::vector<const Engine::Frame*> Pipeline::matched_frames(const std::vector<std
 }
 
 void Pipeline::run(const Stage& stage, std::int64_t i) {
-  const UsedKeyframe& reference = view(i);
+  const UsedKeyframe& reference = used(i);
   const PlanEntry& entry = entry_of(reference);
   if (stage.kind == Stage::Kind::kMatch) {
     load_earlier_planes(reference, stage.step);
@@ -323,16 +323,16 @@ void Pipeline::fuse(const UsedKeyframe& reference) {
 /// Artefacts, views and entries that no task will read again.
 void Pipeline::release(bool last) {
   order_.release(last, [&](Artefact artefact, std::int64_t keyframe) {
-    UsedKeyframe& released = view(keyframe);
+    UsedKeyframe& released = used(keyframe);
     if (artefact == Artefact::kLandmarks) std::vector<Landmark>().swap(released.keyframe.landmarks);
     engine_->release(*released.frame, artefact);
   });
   const std::int64_t keep = order_.first_in_use();
   for (; first_ < keep; ++first_) {
-    index_of_.erase(views_.front().keyframe.id);
-    views_.pop_front();
+    index_of_.erase(used_.front().keyframe.id);
+    used_.pop_front();
   }
-  const std::size_t needed = views_.empty() ? planner_keyframes_ : views_.front().entry_index;
+  const std::size_t needed = used_.empty() ? planner_keyframes_ : used_.front().entry_index;
   for (; dropped_ < needed && planner_.complete() > 0; ++dropped_) drop_entries(1);
 }
 

@@ -58,7 +58,7 @@ class Engine {
 
   struct MatchTask {
     Frame* reference = nullptr;
-    const Keyframe* keyframe = nullptr;  ///< the reference view, without image and mask
+    const Keyframe* keyframe = nullptr;  ///< the reference view, without image, mask and prior depth
     std::vector<const Frame*> neighbours;
     std::size_t num_with_planes = 0;  ///< number of neighbours, the first ones, that also provide planes
     DepthRange range;                 ///< [reference's unit]
@@ -67,8 +67,9 @@ class Engine {
     /// first `num_with_planes` neighbours. Neighbours with complete passes provide their final map.
     int pass = 0;
     bool makes_final_planes = true;  ///< filtered and stored as final planes; emitted
-    bool skip_weighted_median =
-        false;  ///< with `last`: another pass follows before the map is used; no weighted median filter
+    /// With `makes_final_planes`, if another pass follows before the map is used: without the weighted median filter,
+    /// and with the prior bonuses in the scores.
+    bool skip_weighted_median = false;
   };
 
   virtual ~Engine() = default;

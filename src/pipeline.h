@@ -24,7 +24,7 @@ namespace pmsp {
 
 /// Used keyframe with its frame.
 struct UsedKeyframe {
-  Keyframe keyframe;  ///< without image and mask
+  Keyframe keyframe;  ///< without image, mask and prior depth
   std::unique_ptr<Engine::Frame> frame;
   std::size_t entry_index;  ///< index of its plan entry; without a given plan, among all added keyframes
 };
@@ -65,14 +65,14 @@ class Pipeline {
     }
   }
 
-  UsedKeyframe& view(std::int64_t i) { return views_[static_cast<std::size_t>(i - first_)]; }
+  UsedKeyframe& used(std::int64_t i) { return used_[static_cast<std::size_t>(i - first_)]; }
   const PlanEntry& entry_of(const UsedKeyframe& view) const {
     return part_ ? part_->entry(view.entry_index) : planner_.entries()[view.entry_index - dropped_];
   }
   bool runs(const Stage& stage, const UsedKeyframe& view) const {
     return !part_ || part_->runs(stage, view.entry_index);
   }
-  Engine::Frame* frame_of(std::int64_t id) { return view(index_of_.at(id)).frame.get(); }
+  Engine::Frame* frame_of(std::int64_t id) { return used(index_of_.at(id)).frame.get(); }
   std::vector<const Engine::Frame*> matched_frames(const std::vector<std::int64_t>& keyframes);
 
   void make_engine();
@@ -110,12 +110,12 @@ class Pipeline {
   std::set<std::int64_t> ids_;
   std::string backend_;             ///< backend in use, with the reason
   std::unique_ptr<Engine> engine_;  ///< declared before the views, whose frames must not outlive it
-  std::deque<UsedKeyframe> views_;
+  std::deque<UsedKeyframe> used_;
   std::unordered_map<std::int64_t, std::int64_t> index_of_;  ///< by keyframe id
   std::size_t planner_keyframes_ = 0;                        ///< keyframes passed to the planner
   std::size_t dropped_ = 0;                                  ///< released entries of the planner's plan
   std::size_t taken_ = 0;                                    ///< participating keyframes so far
-  std::int64_t first_ = 0;                                   ///< index of views_.front()
+  std::int64_t first_ = 0;                                   ///< index of used_.front()
   TaskOrder order_;
 };
 

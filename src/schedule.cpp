@@ -65,8 +65,9 @@ Schedule::Schedule(const DensifierOptions& options, bool points) {
                {{decided, rounds > 0 ? reach.duplicate_views : 0}, {emitted, 0}});
 }
 
-std::size_t Schedule::add(Stage::Kind kind, int step, std::vector<Stage::Prerequisite> needs, std::int64_t plan_delay) {
-  std::int64_t lookahead = plan_delay;
+std::size_t Schedule::add(Stage::Kind kind, int step, std::vector<Stage::Prerequisite> needs,
+                          std::int64_t plan_lookahead) {
+  std::int64_t lookahead = plan_lookahead;
   for (const Stage::Prerequisite& need : needs)
     lookahead = std::max(lookahead, stages_[need.stage].lookahead + need.ahead);
   stages_.push_back({kind, step, std::move(needs), lookahead});

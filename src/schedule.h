@@ -66,7 +66,8 @@ class Schedule {
   const Lifetime* lifetime(Artefact artefact) const;
 
  private:
-  std::size_t add(Stage::Kind kind, int step, std::vector<Stage::Prerequisite> needs, std::int64_t plan_delay);
+  /// `plan_lookahead`: later keyframes after which the plan of the stage is decided.
+  std::size_t add(Stage::Kind kind, int step, std::vector<Stage::Prerequisite> needs, std::int64_t plan_lookahead);
   void add_lifetime(Artefact artefact, std::int64_t produced, std::vector<Lifetime::Reader> readers);
 
   std::vector<Stage> stages_;

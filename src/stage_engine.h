@@ -112,10 +112,10 @@ class StageEngine final : public Engine {
     const Planes planes = reference.final_planes.get();
     const bool is_wanted = context_.results.filtered_depth && reference.emits_results;
     auto confidence = on.template array<float>(pixels());
-    const auto reported = is_wanted ? on.template array<float>(pixels()) : Array<float>{};
+    const auto with_pose_error = is_wanted ? on.template array<float>(pixels()) : Array<float>{};
     auto stage =
         consistency_stage<ViewTypes>(on.map(planes), on.grid(), others.size(), context_.options.advanced.consistency,
-                                     reference.pose_error, confidence.get(), reported.get());
+                                     reference.pose_error, confidence.get(), with_pose_error.get());
     std::vector<Planes> held;
     for (std::size_t k = 0; k < others.size(); ++k) {
       held.push_back(stage_frame(*others[k]).final_planes.get(on));
@@ -131,7 +131,7 @@ class StageEngine final : public Engine {
     if (context_.results.cloud && context_.options.advanced.free_space.enabled) {
       find_ranges(reference, filtered(planes, confidence, on), on);
     }
-    if (is_wanted) emit_depths(reference, planes, reported.get(), context_.results.filtered_depth, on);
+    if (is_wanted) emit_depths(reference, planes, with_pose_error.get(), context_.results.filtered_depth, on);
     reference.confidence.put(std::move(confidence), pixels());
   }
 
@@ -246,9 +246,10 @@ class StageEngine final : public Engine {
     stage.map = view(reference);
     stage.grid = on.grid();
     for (const Frame* other : others) {
-      const StageFrame& viewer = stage_frame(*other);
-      const RelativePose to = relative_pose(viewer.pose, reference.pose, lens_offset());
-      stage.others[stage.count++] = {view(viewer), to.other_from_first, to.scale_ratio, viewer.id < reference.id};
+      const StageFrame& frame_of_other = stage_frame(*other);
+      const RelativePose to = relative_pose(frame_of_other.pose, reference.pose, lens_offset());
+      stage.others[stage.count++] = {view(frame_of_other), to.other_from_first, to.scale_ratio,
+                                     frame_of_other.id < reference.id};
     }
     stage.limits = duplicate_limits(context_.options.advanced.fusion);
     stage.statuses = statuses.get();
@@ -376,16 +377,17 @@ class StageEngine final : public Engine {
     float noise = 0.0F;           ///< of the image, see image_noise
     /// Images on each processor; empty if spilled, or not yet read there.
     mutable std::vector<Cubes> cubes;
-    mutable SpillableArray<std::uint16_t> packed;    ///< `cubes` for other processors or later reads
-    CubePacking packing;                             ///< layout of `packed`
-    SpillableArray<Color> color;                     ///< of the size of the depth map
-    SpillableArray<std::uint8_t> mask;               ///< of the size of the depth map; empty: see Processor::mask
-    EvidenceMap evidence;                            ///< during its passes with plane priors
-    Array<kernels::Vec3<float>> prior_depth_planes;  ///< planes of cells (external_planes); empty without prior depth
-    SpillableArray<Plane> pass_planes[2];            ///< after the last even and the last odd pass
-    SpillableArray<Plane> final_planes;              ///< after the last pass and the median filter
-    SpillableArray<float> confidence;                ///< after the consistency filter; 0 = no depth
-    SpillableArray<float> nearest, farthest;         ///< see RangeMap
+    mutable SpillableArray<std::uint16_t> packed;  ///< `cubes` for other processors or later reads
+    CubePacking packing;                           ///< layout of `packed`
+    SpillableArray<Color> color;                   ///< of the size of the depth map
+    SpillableArray<std::uint8_t> mask;             ///< of the size of the depth map; empty: see Processor::mask
+    EvidenceMap evidence;  ///< of its texture (EvidenceMap), during its passes with plane priors
+    Array<kernels::Vec3<float>>
+        prior_depth_planes;                   ///< planes of cells (planes_from_prior_depth); empty without prior depth
+    SpillableArray<Plane> pass_planes[2];     ///< after the last even and the last odd pass
+    SpillableArray<Plane> final_planes;       ///< after the last pass and the median filter
+    SpillableArray<float> confidence;         ///< after the consistency filter; 0 = no depth
+    SpillableArray<float> nearest, farthest;  ///< see RangeMap
     SpillableArray<std::uint32_t> surfels, details;  ///< see SurfelMap
     SpillableArray<std::uint8_t> agree;              ///< see SurfelMap
     SpillableArray<std::uint8_t> statuses[2];  ///< after the last even and the last odd round of duplicate removal
@@ -545,7 +547,7 @@ class StageEngine final : public Engine {
     if (prepared.mask) frame.mask.put(std::move(prepared.mask), pixels());
     if (has_priors() && !keyframe.prior_depth.empty()) {
       frame.prior_depth_planes =
-          on.upload(external_planes(keyframe.prior_depth, keyframe.scale, {options.width, options.height}));
+          on.upload(planes_from_prior_depth(keyframe.prior_depth, keyframe.scale, {options.width, options.height}));
     }
     frame.cubes[frame.processor_index] = std::move(prepared.cubes);
   }

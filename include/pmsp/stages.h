@@ -20,8 +20,7 @@
 /// 3. patchmatch: a first pass, then geometric passes with the maps of the source views and plane_priors.
 /// 4. median_filter, weighted_median_filter, subtract_priors, consistency_filter.
 /// 5. fuse_pixels, range_map, free_space_filter, duplicate_round, extract_points. After a loop closure, the free-space
-/// test and
-///    duplicate removal run again with the new poses, without matching.
+///    test and duplicate removal run again with the new poses, without matching.
 ///
 /// `lens_distance`: see DensifierOptions::lens_distance; the same in all calls.
 namespace pmsp {
@@ -63,7 +62,8 @@ struct PlaneMap {
   double scale = 1.0;             ///< scale when the keyframe was added
   KeyframePose pose() const { return {cam_from_world, scale}; }
   Image<float> x, y, z;
-  Image<float> score;  ///< photometric (NCC, at most 1), plus the bonus of priors, see patchmatch
+  Image<float>
+      score;  ///< NCC (at most 1), less the penalty of geometric passes, plus the bonus of priors: see patchmatch
 };
 
 /// Converts planes to depth, normal and confidence; far pixels get none. `confidence`: of each pixel, 0 = no depth;
@@ -329,16 +329,16 @@ struct PosedSurfels {
 };
 
 /// Round of duplicate removal (maximal independent set, Luby 1986, with ranks instead of random numbers): returns the
-/// new status of the pixels of `reference`. Duplicates of a pixel are points of the viewers on the same side of the
-/// same surface, within `options.spacing_px` of its pixels, of higher rank: finer sampling (by octaves), then higher
+/// new status of the pixels of `reference`. Duplicates of a pixel are points of the `others` on the same side of the
+/// same surface, within `options.spacing_px` of its pixels, of better rank: finer sampling (by octaves), then higher
 /// confidence, then smaller keyframe id. A pixel is dropped if a duplicate is kept, kept if none is kept or open, else
 /// stays open. Pixels that are open after the last round count as kept.
 ///
 /// All inputs have the status of the previous round. `candidates`: empty before the first round; for each open pixel,
-/// in row order, bit k is set while viewers[k] may contain a duplicate. `viewers`: at most 32, the same in each round;
+/// in row order, bit k is set while others[k] may contain a duplicate. `others`: at most 32, the same in each round;
 /// those without map are ignored. Throws InvalidOption; InvalidInput also if `candidates` does not match the status.
 PMSP_API Image<std::uint8_t> duplicate_round(const PosedSurfels& reference, std::vector<std::uint32_t>& candidates,
-                                             const std::vector<PosedSurfels>& viewers, const FusionOptions& options,
+                                             const std::vector<PosedSurfels>& others, const FusionOptions& options,
                                              const Executor& executor, double lens_distance = 0.0);
 
 /// Returns the kept and open points of a keyframe, in the order of its pixels, with their keys. Needs the complete map.

@@ -120,8 +120,8 @@ void CpuProcessor::start(const Pass& pass) const {
 void CpuProcessor::iterate(const Pass& pass, int colour, int iteration, bool rescore) const {
   auto& impl = impl_of(executor_);
   impl.pool.for_each(pass.grid.height, [&](int y) {
-    if (limit_results_in_flight())
-      impl.rows.iterate_row(pass, y, colour, iteration, rescore);  // rows are slow at low priority
+    if (is_cancelled()) return;  // of each row, since rows are slow at low priority
+    impl.rows.iterate_row(pass, y, colour, iteration, rescore);
   });
 }
 

@@ -84,7 +84,8 @@ class CpuProcessor {
   void set_size(int width, int height) {
     if (!grid_) grid_.emplace(width, height);
   }
-  bool limit_results_in_flight() const { return cancel_ == nullptr || !cancel_->load(std::memory_order_relaxed); }
+  bool limit_results_in_flight() const { return !is_cancelled(); }
+  bool is_cancelled() const { return cancel_ != nullptr && cancel_->load(std::memory_order_relaxed); }
   kernels::GridView grid() const { return grid_->view(); }
 
   template <class T>

@@ -49,17 +49,17 @@ PMSP_HD kernels::PixelBatch<F> batch_of(const PatchMatchPass& pass, int y, int c
 
 template <class F>
 void start_row(const PatchMatchPass& pass, int y) {
-  kernels::PixelContext<F> visit;
+  kernels::PixelContext<F> context;
   for (int colour = 0; colour < 2; ++colour) {
-    for (int k = 0; k < pass.grid.width / 2; k += lanes<F>()) pass.start(visit, batch_of<F>(pass, y, colour, k));
+    for (int k = 0; k < pass.grid.width / 2; k += lanes<F>()) pass.start(context, batch_of<F>(pass, y, colour, k));
   }
 }
 
 template <class F>
 void iterate_row(const PatchMatchPass& pass, int y, int colour, int iteration, bool rescore) {
-  kernels::PixelContext<F> visit;
+  kernels::PixelContext<F> context;
   for (int k = 0; k < pass.grid.width / 2; k += lanes<F>()) {
-    pass.iterate(visit, batch_of<F>(pass, y, colour, k), iteration, rescore);
+    pass.iterate(context, batch_of<F>(pass, y, colour, k), iteration, rescore);
   }
 }
 

@@ -82,10 +82,10 @@ void CudaProcessor::set_image_size(int width, int height) {
   matching_ = matching_size(width, grid().width, grid().height, context_.options.advanced.patchmatch.image_scale);
   gray_columns_.emplace(width, matching_.width, compute_);
   gray_rows_.emplace(height, matching_.height, compute_);
-  const std::size_t compared = static_cast<std::size_t>(matching_.width) * static_cast<std::size_t>(matching_.height);
-  if (gray_.size() < compared) {
-    gray_ = DeviceArray<float>(compared);
-    equalized_ = DeviceArray<float>(compared);
+  const std::size_t matched = static_cast<std::size_t>(matching_.width) * static_cast<std::size_t>(matching_.height);
+  if (gray_.size() < matched) {
+    gray_ = DeviceArray<float>(matched);
+    equalized_ = DeviceArray<float>(matched);
   }
   image_width_ = width;
   image_height_ = height;

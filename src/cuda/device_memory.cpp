@@ -34,9 +34,9 @@ double cube_texels(int width) {
 
 std::size_t device_memory_needed(const DensifierOptions& options, int image_width) {
   const double pixels = static_cast<double>(options.width) * options.height;
-  const ImageSize compared =
+  const ImageSize matched =
       matching_size(image_width, options.width, options.height, options.advanced.patchmatch.image_scale);
-  const double image = (options.devices.size() < 2 ? 1.0 : 2.0) * on_pages(2.0 * cube_texels(compared.width)) +
+  const double image = (options.devices.size() < 2 ? 1.0 : 2.0) * on_pages(2.0 * cube_texels(matched.width)) +
                        on_pages(cube_texels(options.width));  // with several devices also packed; the mask
   const bool waits_in_file = !options.scratch_folder.empty();
   const bool is_short =
@@ -71,7 +71,7 @@ std::size_t device_memory_needed(const DensifierOptions& options, int image_widt
   const double kept = images * image + of16 * on_pages(16.0 * pixels) + of8 * on_pages(8.0 * pixels) +
                       of4 * on_pages(4.0 * pixels) + of1 * on_pages(pixels);
   constexpr double kTables = 16.0 * 1024.0 * 1024.0;  // cells of the plane priors, and lookup tables
-  const double gray = 2.0 * on_pages(4.0 * static_cast<double>(compared.width) * compared.height) + pixels;
+  const double gray = 2.0 * on_pages(4.0 * static_cast<double>(matched.width) * matched.height) + pixels;
   // Downloads of depth maps, planes and points.
   const double copies = (2.0 * 20.0 + 2.0 * 16.0 + 2.0 * 40.0 + 2.0) * pixels;
   const double uploads = 2.0 * (3.0 + 1.0) * std::max(pixels, camera_pixels(image_width));

@@ -95,7 +95,7 @@ __device__ Duplicates search_other(const DuplicateArgs& args, bool searches, int
   return found;
 }
 
-__device__ std::uint32_t all_viewers(int count) { return count < 32 ? (1U << static_cast<unsigned>(count)) - 1U : ~0U; }
+__device__ std::uint32_t all_views(int count) { return count < 32 ? (1U << static_cast<unsigned>(count)) - 1U : ~0U; }
 
 __global__ void duplicate_kernel(const __grid_constant__ DuplicateArgs args) {
   const kernels::DuplicateRound& round = args.round;
@@ -112,7 +112,7 @@ __global__ void duplicate_kernel(const __grid_constant__ DuplicateArgs args) {
   if (decides) {
     open_point = kernels::open_point_of<float>(round.map.surfels[pixel], before,
                                                kernels::bearing_at<float>(round.grid, x, y), round.map, round.limits);
-    pending = args.first ? all_viewers(round.count) : args.candidates[pixel];
+    pending = args.first ? all_views(round.count) : args.candidates[pixel];
   }
   std::uint32_t open = 0;
   bool dropped = false;

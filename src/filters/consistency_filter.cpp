@@ -25,9 +25,9 @@ Image<float> consistency_filter(const PlaneMap& map, const std::vector<const Pla
   check_scale("consistency_filter: ", map.scale);
   const SphereGrid grid(map.width(), map.height());
   Image<float> confidence(map.width(), map.height());
-  Image<float> reported(map.width(), map.height());
+  Image<float> with_pose_error(map.width(), map.height());
   auto stage = consistency_stage<kernels::HostViewTypes>(view_of(map), grid.view(), others.size(), options, pose_error,
-                                                         confidence.pixels().data(), reported.pixels().data());
+                                                         confidence.pixels().data(), with_pose_error.pixels().data());
   for (std::size_t k = 0; k < others.size(); ++k) {
     if (!same_size(*others[k], map)) throw InvalidInput("consistency_filter: the maps differ in size");
     check_scale("consistency_filter: ", others[k]->scale);
@@ -36,7 +36,7 @@ Image<float> consistency_filter(const PlaneMap& map, const std::vector<const Pla
   }
   const auto counts = impl_of(executor).run(stage);
   if (stats != nullptr) *stats = {counts[0], counts[1]};
-  return reported;
+  return with_pose_error;
 }
 
 }  // namespace pmsp

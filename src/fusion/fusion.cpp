@@ -133,10 +133,10 @@ Image<std::uint8_t> free_space_filter(const SurfelMap& map, const KeyframePose& 
 }
 
 Image<std::uint8_t> duplicate_round(const PosedSurfels& reference, std::vector<std::uint32_t>& candidates,
-                                    const std::vector<PosedSurfels>& viewers, const FusionOptions& options,
+                                    const std::vector<PosedSurfels>& others, const FusionOptions& options,
                                     const Executor& executor, double lens_distance) {
   options.validate();
-  check_count("duplicate_round", viewers.size());
+  check_count("duplicate_round", others.size());
   check_surfels("duplicate_round", reference);
   const SurfelMap& map = *reference.map;
   const int width = map.surfels.width();
@@ -148,14 +148,14 @@ Image<std::uint8_t> duplicate_round(const PosedSurfels& reference, std::vector<s
   stage.grid = grid.view();
   stage.limits = duplicate_limits(options);
   stage.statuses = statuses.pixels().data();
-  for (std::size_t k = 0; k < viewers.size(); ++k) {
-    const PosedSurfels& viewer = viewers[k];
+  for (std::size_t k = 0; k < others.size(); ++k) {
+    const PosedSurfels& other = others[k];
     ++stage.count;
-    if (viewer.map == nullptr) continue;
-    check_surfels("duplicate_round", viewer);
-    if (!same_size(viewer.map->surfels, map.surfels)) throw InvalidInput("duplicate_round: maps differ in size");
-    const RelativePose to = relative_pose(viewer.pose, reference.pose, 0.5 * lens_distance);
-    stage.others[k] = {view_of(viewer), to.other_from_first, to.scale_ratio, viewer.map->keyframe_id < map.keyframe_id};
+    if (other.map == nullptr) continue;
+    check_surfels("duplicate_round", other);
+    if (!same_size(other.map->surfels, map.surfels)) throw InvalidInput("duplicate_round: maps differ in size");
+    const RelativePose to = relative_pose(other.pose, reference.pose, 0.5 * lens_distance);
+    stage.others[k] = {view_of(other), to.other_from_first, to.scale_ratio, other.map->keyframe_id < map.keyframe_id};
   }
   const CpuProcessor on(executor, width, height);
   DuplicateCandidates still{on.upload(candidates), candidates.size()};

@@ -17,13 +17,13 @@ struct Mirrors {
   Array<std::uint32_t> evidence, confirmed;
 };
 
-/// Plane of each field of a keyframe's points (kernels/wide_plane.h).
+/// Plane of each tile of a keyframe's points (kernels/wide_plane.h).
 template <class Processor>
 Array<kernels::WidePlane> wide_planes(Processor& on, const std::uint32_t* surfels) {
   constexpr std::size_t kTileShares = std::size_t{kernels::kTiles} * kernels::kTileSide;
   const kernels::GridView grid = on.grid();
   const auto found = on.template array<kernels::WidePlane>(kernels::kTiles);
-  const auto supports = on.template array<kernels::FieldSupport>(kTileShares);
+  const auto supports = on.template array<kernels::TileSupport>(kTileShares);
   auto before = on.template array<kernels::TileSums>(kTileShares);
   auto sums = on.template array<kernels::TileSums>(kTileShares);
   for (const float& reach : kernels::kTileReach) {

@@ -32,8 +32,8 @@ constexpr float kFarVariance = 0.5F * 0.5F;
 /// Standard deviation of the spatial weight [px of the depth map]: about half a coarse patch.
 constexpr double kSigmaSpace_px = 5.0;
 
-/// Maximum angle between a plane's normal and the ray [deg]: beyond it, a pixel's patch covers many times its
-/// rescored_current area.
+/// Maximum angle between a plane's normal and the ray [deg]: beyond it, a pixel's patch covers many times its usual
+/// area.
 constexpr double kMaxSlant_deg = 80.0;
 
 /// Score penalty for full disagreement with one source view's depth map; photometric scores span 2.

@@ -32,25 +32,26 @@ double reach_of(const Keyframe& keyframe) {
 bool still_spread(const std::vector<std::int64_t>& viewers, const std::vector<ViewerCandidate>& list,
                   std::size_t wanted, double surely_within) {
   const std::unordered_set<std::int64_t> known(viewers.begin(), viewers.end());
-  const std::size_t stretches = (std::min(wanted, list.size()) + 1) / 2;
+  const std::size_t intervals = (std::min(wanted, list.size()) + 1) / 2;
   std::size_t viewers_known = 0;
   std::size_t candidates = 0;
-  double held = 0.0;
-  double counted = 0.0;
-  for (std::size_t i = 0; i < stretches; ++i) {
+  double with_viewer = 0.0;
+  double with_candidate = 0.0;
+  for (std::size_t i = 0; i < intervals; ++i) {
     std::size_t viewers_here = 0;
     std::size_t candidates_here = 0;
-    for (std::size_t k = i * list.size() / stretches; k < (i + 1) * list.size() / stretches; ++k) {
+    for (std::size_t k = i * list.size() / intervals; k < (i + 1) * list.size() / intervals; ++k) {
       viewers_here += known.count(list[k].id);
       candidates_here += known.count(list[k].id) != 0 || list[k].distance <= surely_within ? 1 : 0;
     }
-    held += viewers_here > 0 ? 1.0 : 0.0;
-    counted += candidates_here > 0 ? 1.0 : 0.0;
+    with_viewer += viewers_here > 0 ? 1.0 : 0.0;
+    with_candidate += candidates_here > 0 ? 1.0 : 0.0;
     viewers_known += viewers_here;
     candidates += candidates_here;
   }
   const double possible = static_cast<double>(std::min(wanted, candidates));
-  return held >= kSpreadToStay * counted && static_cast<double>(viewers_known) >= kSpreadToStay * possible;
+  return with_viewer >= kSpreadToStay * with_candidate &&
+         static_cast<double>(viewers_known) >= kSpreadToStay * possible;
 }
 
 }  // namespace
@@ -73,7 +74,7 @@ const PlanEntry* PreviousPlan::find(std::int64_t id) const {
   return found == entries_.end() ? nullptr : &found->second;
 }
 
-ViewChain::Preference PreviousPlan::lean(std::int64_t id) const {
+ViewChain::Preference PreviousPlan::preference(std::int64_t id) const {
   const PlanEntry* entry = find(id);
   if (entry == nullptr) return ViewChain::Preference::kNone;
   return entry->used() ? ViewChain::Preference::kUse : ViewChain::Preference::kReject;

@@ -30,7 +30,7 @@ class PreviousPlan {
 
   /// Returns nullptr if there is none.
   const PlanEntry* find(std::int64_t id) const;
-  ViewChain::Preference lean(std::int64_t id) const;
+  ViewChain::Preference preference(std::int64_t id) const;
 
  private:
   std::unordered_map<std::int64_t, PlanEntry> entries_;
@@ -63,8 +63,8 @@ std::vector<std::size_t> indices_of(const std::vector<std::int64_t>& ids, const 
 /// Minimum value of a previous choice, relative to the new one, for being kept.
 constexpr double kNearlyAsGood = 0.9;
 
-/// Returns source views in a sequence as indices into `sequence`: the surrounding keyframes and the reference, in
-/// order.
+/// Returns the source views of a keyframe, as indices into `sequence`, which has the surrounding keyframes and
+/// `reference`, in order.
 std::vector<std::size_t> choose_near(const std::vector<const Keyframe*>& sequence, std::size_t reference, int count,
                                      const PlanEntry* previous);
 

@@ -28,19 +28,19 @@ PlanPart::PlanPart(const Plan& plan, const std::vector<std::int64_t>& ids, const
   const RunHalo halo = find_halo(plan, ids, options, wanted, reuses);
   for (const std::int64_t id : ids) planned_stages_[entry_index_of(id)].emits_results = true;
   for (std::size_t entry_index = 0; entry_index < planned_stages_.size(); ++entry_index) {
-    const bool is_part = entry(entry_index).has_depth_map() && !planned_stages_[entry_index].emits_results;
-    if (is_part && reuses.empty()) check_chain(options);  // planes of an earlier run end the chain
+    const bool is_omitted = entry(entry_index).has_depth_map() && !planned_stages_[entry_index].emits_results;
+    if (is_omitted && reuses.empty()) check_chain(options);  // planes of an earlier run end the chain
   }
   const auto each = [&](const std::vector<std::int64_t>& named, const auto& mark) {
     for (const std::int64_t id : named) mark(planned_stages_[entry_index_by_id_.at(id)]);
   };
-  each(halo.images, [](PlannedStages& way) { way.takes_part = true; });
+  each(halo.images, [](PlannedStages& stages) { stages.takes_part = true; });
   for (std::size_t pass = 0; pass < halo.planes.size(); ++pass) {
-    each(halo.planes[pass], [&](PlannedStages& way) { way.passes |= 1U << pass; });
+    each(halo.planes[pass], [&](PlannedStages& stages) { stages.passes |= 1U << pass; });
   }
-  each(halo.earlier, [](PlannedStages& way) { way.earlier = true; });
-  each(halo.filtered, [](PlannedStages& way) { way.filtered = true; });
-  for (const auto& round : halo.rounds) each(round, [](PlannedStages& way) { ++way.rounds; });
+  each(halo.earlier, [](PlannedStages& stages) { stages.earlier = true; });
+  each(halo.filtered, [](PlannedStages& stages) { stages.filtered = true; });
+  for (const auto& round : halo.rounds) each(round, [](PlannedStages& stages) { ++stages.rounds; });
   for (std::size_t entry_index = 0; entry_index < planned_stages_.size(); ++entry_index) {
     if (planned_stages_[entry_index].takes_part) taking_part_.push_back(entry_index);
   }
@@ -53,20 +53,20 @@ std::size_t PlanPart::entry_index_of(std::int64_t id) const {
 }
 
 bool PlanPart::runs(const Stage& stage, std::size_t entry_index) const {
-  const PlannedStages& way = planned_stages_[entry_index];
+  const PlannedStages& stages = planned_stages_[entry_index];
   switch (stage.kind) {
     case Stage::Kind::kMatch:
-      return (way.passes >> static_cast<unsigned>(stage.step) & 1U) != 0;
+      return (stages.passes >> static_cast<unsigned>(stage.step) & 1U) != 0;
     case Stage::Kind::kFilter:
-      return way.filtered;
+      return stages.filtered;
     case Stage::Kind::kFuse:
     case Stage::Kind::kFreeSpace:
     case Stage::Kind::kDuplicates:
-      return stage.step <= way.rounds;
+      return stage.step <= stages.rounds;
     case Stage::Kind::kEmit:
       break;
   }
-  return way.emits_results;
+  return stages.emits_results;
 }
 
 }  // namespace pmsp

@@ -16,7 +16,7 @@ Planner::Planner(const DensifierOptions& options, const Plan* previous)
   options.validate();
 }
 
-std::size_t Planner::entry_after(std::int64_t next) const {
+std::size_t Planner::entries_before(std::int64_t next) const {
   if (options_.unordered) return set_.empty() ? entries_.size() : 0;
   return next < end() ? node(next).entry - dropped_ : entries_.size();
 }
@@ -71,8 +71,8 @@ KeyframeUse Planner::decide_use(const PlanKeyframe& keyframe) {
     if (keyframe.landmarks.empty()) return first ? KeyframeUse::kDepthMap : KeyframeUse::kNoLandmarks;
     return begin_block(keyframe);
   }
-  const ViewChain::Preference lean = previous_.lean(keyframe.id);
-  const ViewChain::Verdict verdict = chain_.compare(keyframe.landmarks, keyframe.cam_from_world.center(), lean);
+  const ViewChain::Preference preference = previous_.preference(keyframe.id);
+  const ViewChain::Verdict verdict = chain_.compare(keyframe.landmarks, keyframe.cam_from_world.center(), preference);
   if (verdict.use != KeyframeUse::kDepthMap) return verdict.use;
   if (verdict.redundant && is_blurred(keyframe)) return KeyframeUse::kBlurred;
   take_into_chain(keyframe);
@@ -84,8 +84,8 @@ KeyframeUse Planner::decide_use(const PlanKeyframe& keyframe) {
 KeyframeUse Planner::begin_block(const PlanKeyframe& keyframe) {
   KeyframeUse use = KeyframeUse::kDepthMap;
   if (used_in_block_) {  // in the previous block
-    const ViewChain::Preference lean = previous_.lean(keyframe.id);
-    const ViewChain::Verdict verdict = chain_.compare(keyframe.landmarks, keyframe.cam_from_world.center(), lean);
+    const ViewChain::Preference preference = previous_.preference(keyframe.id);
+    const ViewChain::Verdict verdict = chain_.compare(keyframe.landmarks, keyframe.cam_from_world.center(), preference);
     if (verdict.use == KeyframeUse::kTooLittleParallax) use = verdict.use;
     if (verdict.redundant && is_blurred(keyframe)) use = KeyframeUse::kBlurred;
   }
@@ -98,7 +98,7 @@ KeyframeUse Planner::begin_block(const PlanKeyframe& keyframe) {
 
 bool Planner::is_blurred(const PlanKeyframe& keyframe) const {
   return options_.advanced.view_filter.min_sharpness > 0.0 &&
-         chain_.is_blurred(keyframe.sharpness.landmarks, previous_.lean(keyframe.id));
+         chain_.is_blurred(keyframe.sharpness.landmarks, previous_.preference(keyframe.id));
 }
 
 void Planner::take_into_chain(const PlanKeyframe& keyframe) {

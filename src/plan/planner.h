@@ -30,11 +30,11 @@ class PMSP_API Planner {
   /// Entries in the order of `add`, without dropped ones.
   const std::deque<PlanEntry>& entries() const { return entries_; }
   /// Number of entries with decided `use`, `near`, `first_planes` and `range`.
-  std::size_t matchable() const { return entry_after(next_match_); }
+  std::size_t matchable() const { return entries_before(next_match_); }
   /// Number of entries that also have `consistency` and `fusion`.
-  std::size_t windowed() const { return entry_after(next_window_); }
-  /// Number of complete entries: also with `viewers`.
-  std::size_t complete() const { return entry_after(next_viewers_); }
+  std::size_t windowed() const { return entries_before(next_window_); }
+  /// Number of complete entries: also with `viewers` and `duplicate_views`.
+  std::size_t complete() const { return entries_before(next_viewers_); }
   /// Drops the first `count` entries, which must be complete.
   void drop(std::size_t count);
 
@@ -55,7 +55,7 @@ class PMSP_API Planner {
   const PlanNode& node(std::int64_t i) const { return nodes_[static_cast<std::size_t>(i - first_)]; }
   PlanEntry& entry_of(const PlanNode& node) { return entries_[node.entry - dropped_]; }
   std::int64_t end() const { return first_ + static_cast<std::int64_t>(nodes_.size()); }
-  std::size_t entry_after(std::int64_t next) const;
+  std::size_t entries_before(std::int64_t next) const;
 
   DensifierOptions options_;
   PlanReach reach_;

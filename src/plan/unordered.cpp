@@ -116,18 +116,18 @@ bool UnorderedPlan::is_blurred(std::size_t i) const {
   const std::vector<Covisible>& sharers = covisible_[i];
   const Keyframe& keyframe = nodes_[i].keyframe;
   if (sharers.empty() || sharpness_[i].landmarks.empty()) return false;
-  const ViewChain::Preference lean = previous_.lean(keyframe.id);
+  const ViewChain::Preference preference = previous_.preference(keyframe.id);
   const double landmarks = static_cast<double>(keyframe.landmarks.size());
-  if (sharers.front().landmarks < biased_threshold(kSharedToSkipBlurred, lean, false) * landmarks) return false;
+  if (sharers.front().landmarks < biased_threshold(kSharedToSkipBlurred, preference, false) * landmarks) return false;
   const PlanNode& best = nodes_[sharers.front().node];
   const CommonParallax common =
       common_parallax(keyframe.landmarks, nodes_[i].center, best.keyframe.landmarks, best.center, 0.0, 180.0);
-  if (common.median_deg > biased_threshold(kParallaxToSkipDeg, lean, true)) return false;
+  if (common.median_deg > biased_threshold(kParallaxToSkipDeg, preference, true)) return false;
   std::vector<double> relative;
   for (std::size_t k = 0; k < std::min(kSharpnessOf, sharers.size()); ++k) {
     relative.push_back(relative_sharpness(sharpness_[i].landmarks, sharpness_[sharers[k].node].landmarks));
   }
-  return median(relative) < biased_threshold(options_.advanced.view_filter.min_sharpness, lean, true);
+  return median(relative) < biased_threshold(options_.advanced.view_filter.min_sharpness, preference, true);
 }
 
 void UnorderedPlan::leave_out() {

@@ -34,7 +34,7 @@ PlaneMap plane_priors(const PlaneMap& map, const Panorama& panorama, const std::
   priors.scale = map.scale;
   const PriorGrid grid(map.width(), map.height());
   Array<kernels::Vec3<float>> prior_depth_planes;
-  if (!prior_depth.empty()) prior_depth_planes = on.upload(external_planes(prior_depth, map.scale, grid));
+  if (!prior_depth.empty()) prior_depth_planes = on.upload(planes_from_prior_depth(prior_depth, map.scale, grid));
   find_plane_priors(on, on.upload(great_circle_table(grid)), prior_depth_planes, view_of(map),
                     impl_of(panorama).gray.view(), impl_of(panorama).noise,
                     find_evidence(on, impl_of(panorama).gray.view(), baselines), plane_limits(range),

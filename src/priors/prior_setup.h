@@ -31,7 +31,8 @@ float texture_spacing(int width);
 
 /// Planes of the cells from a depth image (Keyframe::prior_depth), 0 = none: each fitted to one surface in and around
 /// its cell. `unit`: of the planes [the depths' unit].
-std::vector<kernels::Vec3<float>> external_planes(ImageView<const float> depth, double unit, const PriorGrid& grid);
+std::vector<kernels::Vec3<float>> planes_from_prior_depth(ImageView<const float> depth, double unit,
+                                                          const PriorGrid& grid);
 
 /// Vector from a camera to another one, in the frame of the first.
 kernels::Vec3<float> baseline(const kernels::Rigid& other_from_first);
@@ -76,8 +77,8 @@ EvidenceMap find_evidence(Processor& on, const Cube& image, const kernels::Basel
 /// Distances at which cells adopt planes [cells], in this order: long ones first, so that a plane reaches all cells.
 constexpr int kPriorStrides[] = {16, 8, 4, 2, 1};
 
-/// Prior planes of a map's pixels. `image`: gray values; `great_circles`, `external`: great_circle_table and
-/// external_planes (or nullptr), in memory of the processor (processor.h). `noise`: see image_noise.
+/// Prior planes of a map's pixels. `image`: gray values; `great_circles`, `prior_depth_planes`: great_circle_table and
+/// planes_from_prior_depth (or nullptr), in memory of the processor (processor.h). `noise`: see image_noise.
 template <class Processor, class Map, class Cube, class Planes>
 void find_plane_priors(Processor& on, const Array<int>& great_circles,
                        const Array<kernels::Vec3<float>>& prior_depth_planes, const Map& map, const Cube& image,

@@ -126,9 +126,9 @@ CubeMap cube_of_nodes(const std::uint16_t* all, int size, ThreadPool& pool) {
 
 ImageSize matching_size(int image_width, int width, int height, double scale) {
   const auto even = [](double size) { return 2 * std::max(1, static_cast<int>(std::lround(0.5 * size))); };
-  const int compared = std::min(image_width, even(scale * width));
-  if (compared == width) return {width, height};
-  return {compared, even(static_cast<double>(compared) * height / width)};
+  const int matched = std::min(image_width, even(scale * width));
+  if (matched == width) return {width, height};
+  return {matched, even(static_cast<double>(matched) * height / width)};
 }
 
 int cube_size_for(int width) { return std::max(8, 2 * static_cast<int>(std::lround(width / (2.0 * kernels::kPi)))); }
@@ -149,7 +149,7 @@ CubeNodes::CubeNodes(int its_size, int its_width, int its_height, ThreadPool& po
 CubeMap make_cube_map(const Image<float>& gray, const CubeNodes& nodes, ThreadPool& pool) {
   const kernels::GrayView view{gray.pixels().data(), gray.width(), gray.height()};
   return fill_cube(nodes, pool, [&](const Pixel<float>& at) {
-    const float level = static_cast<float>(kernels::kTexelsPerGray) * kernels::sample_cubic(view, at);
+    const float level = static_cast<float>(kernels::kUnitsPerGray) * kernels::sample_cubic(view, at);
     return static_cast<std::uint16_t>(std::clamp(level + 0.5F, 0.0F, 65535.0F));
   });
 }

@@ -119,17 +119,17 @@ float least_textured_variance(const std::array<std::optional<float>, kPatches>& 
 
 }  // namespace
 
-float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int compared_width,
+float image_noise(ImageView<const Rgb> image, ImageView<const std::uint8_t> mask, int width, int matched_width,
                   ThreadPool& pool) {
-  const std::array<PatchGrid, 2> grids{PatchGrid(image, width), PatchGrid(image, compared_width)};
-  const std::size_t count = compared_width == width ? 1 : grids.size();
+  const std::array<PatchGrid, 2> grids{PatchGrid(image, width), PatchGrid(image, matched_width)};
+  const std::size_t count = matched_width == width ? 1 : grids.size();
   std::array<std::array<std::optional<float>, kPatches>, grids.size()> found;
-  constexpr int kTogether = 24;
-  constexpr int kPatchShares = kPatches / kTogether;
+  constexpr int kPatchesPerTask = 24;
+  constexpr int kPatchShares = kPatches / kPatchesPerTask;
   pool.for_each(static_cast<int>(count) * kPatchShares, [&](int task) {
     const std::size_t of = static_cast<std::size_t>(task / kPatchShares);
-    const int first = task % kPatchShares * kTogether;
-    for (int i = first; i < first + kTogether; ++i)
+    const int first = task % kPatchShares * kPatchesPerTask;
+    for (int i = first; i < first + kPatchesPerTask; ++i)
       found[of][static_cast<std::size_t>(i)] = variance_at(i, grids[of], image, mask);
   });
   float noise = 0.0F;

@@ -78,13 +78,13 @@ PanoramaData prepare_panorama(ImageView<const Rgb> image, ImageView<const std::u
       data.color(x, y) = {byte(value.x()), byte(value.y()), byte(value.z())};
     }
   }
-  const ImageSize compared = matching_size(image.width, width, height, image_scale);
+  const ImageSize matched = matching_size(image.width, width, height, image_scale);
   Image<float> gray =
-      compared.width == width ? gray_of(resized) : area_resize_gray(image, compared.width, compared.height, pool);
+      matched.width == width ? gray_of(resized) : area_resize_gray(image, matched.width, matched.height, pool);
   equalize_rows(gray, pool);
-  const int size = cube_size_for(compared.width);
-  if (!nodes || !nodes->matches(size, compared.width, compared.height)) {
-    nodes.emplace(size, compared.width, compared.height, pool);
+  const int size = cube_size_for(matched.width);
+  if (!nodes || !nodes->matches(size, matched.width, matched.height)) {
+    nodes.emplace(size, matched.width, matched.height, pool);
   }
   data.gray = make_cube_map(gray, *nodes, pool);
   if (mask.empty()) return data;
@@ -98,8 +98,8 @@ Panorama::Panorama(ImageView<const Rgb> image, ImageView<const std::uint8_t> mas
     : data_(std::make_unique<PanoramaData>()) {
   std::optional<CubeNodes> nodes;
   *data_ = prepare_panorama(image, mask, width, height, image_scale, executor, nodes);
-  const int compared = matching_size(image.width, width, height, image_scale).width;
-  data_->noise = image_noise(image, mask, width, compared, pool_of(executor));
+  const int matched = matching_size(image.width, width, height, image_scale).width;
+  data_->noise = image_noise(image, mask, width, matched, pool_of(executor));
 }
 Panorama::~Panorama() = default;
 Panorama::Panorama(Panorama&&) noexcept = default;

@@ -16,9 +16,9 @@ constexpr double kHysteresis = 0.25;      ///< relative shift of thresholds in f
 
 }  // namespace
 
-double biased_threshold(double threshold, ViewChain::Preference lean, bool lower) {
-  if (lean == ViewChain::Preference::kNone) return threshold;
-  return threshold * (((lean == ViewChain::Preference::kUse) == lower) ? 1.0 - kHysteresis : 1.0 + kHysteresis);
+double biased_threshold(double threshold, ViewChain::Preference preference, bool lower) {
+  if (preference == ViewChain::Preference::kNone) return threshold;
+  return threshold * (((preference == ViewChain::Preference::kUse) == lower) ? 1.0 - kHysteresis : 1.0 + kHysteresis);
 }
 
 void ViewChain::clear() {
@@ -28,26 +28,27 @@ void ViewChain::clear() {
 }
 
 ViewChain::Verdict ViewChain::compare(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center,
-                                      Preference lean) const {
+                                      Preference preference) const {
   if (empty_) return {};
   if (landmarks.empty()) return {KeyframeUse::kNoLandmarks, false};
   const CommonParallax common = common_parallax(newest_landmarks_, newest_center_, landmarks, center,
                                                 options_.min_parallax_deg, options_.max_parallax_deg);
   // No common landmarks: tracking was lost, and a new sequence starts.
-  if (common.in_range < biased_threshold(options_.min_share, lean, true) * common.landmarks) {
+  if (common.in_range < biased_threshold(options_.min_share, preference, true) * common.landmarks) {
     const bool near = common.median_deg < 0.5 * (options_.min_parallax_deg + options_.max_parallax_deg);
     return {near ? KeyframeUse::kTooLittleParallax : KeyframeUse::kTooMuchParallax, false};
   }
-  const double shared = biased_threshold(kSharedToSkip, lean, false) * static_cast<double>(newest_landmarks_.size());
-  const double parallax = biased_threshold(kParallaxToSkip, lean, true) * options_.max_parallax_deg;
+  const double shared =
+      biased_threshold(kSharedToSkip, preference, false) * static_cast<double>(newest_landmarks_.size());
+  const double parallax = biased_threshold(kParallaxToSkip, preference, true) * options_.max_parallax_deg;
   return {KeyframeUse::kDepthMap, common.landmarks >= shared && common.median_deg <= parallax};
 }
 
-bool ViewChain::is_blurred(const std::vector<LandmarkSharpness>& sharpness, Preference lean) const {
+bool ViewChain::is_blurred(const std::vector<LandmarkSharpness>& sharpness, Preference preference) const {
   if (recent_.empty()) return false;
   std::vector<double> relative;
   for (const auto& other : recent_) relative.push_back(relative_sharpness(sharpness, other));
-  return median(relative) < biased_threshold(options_.min_sharpness, lean, true);
+  return median(relative) < biased_threshold(options_.min_sharpness, preference, true);
 }
 
 void ViewChain::add(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center) {

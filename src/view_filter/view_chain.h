@@ -32,11 +32,11 @@ class ViewChain {
 
   /// An empty chain accepts any keyframe.
   Verdict compare(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center,
-                  Preference lean = Preference::kNone) const;
+                  Preference preference = Preference::kNone) const;
 
   /// Whether its median sharpness relative to the last keyframes is too low; the median tolerates a blurred one among
   /// them.
-  bool is_blurred(const std::vector<LandmarkSharpness>& sharpness, Preference lean = Preference::kNone) const;
+  bool is_blurred(const std::vector<LandmarkSharpness>& sharpness, Preference preference = Preference::kNone) const;
 
   /// Makes the keyframe the newest one. Without `add_sharpness` it is ignored by tests for blur.
   void add(const std::vector<Landmark>& landmarks, const Eigen::Vector3d& center);
@@ -51,6 +51,6 @@ class ViewChain {
 };
 
 /// Returns a threshold shifted in favour of the previous decision. `lower`: a lower threshold favours use.
-double biased_threshold(double threshold, ViewChain::Preference lean, bool lower);
+double biased_threshold(double threshold, ViewChain::Preference preference, bool lower);
 
 }  // namespace pmsp

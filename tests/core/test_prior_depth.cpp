@@ -152,8 +152,8 @@ TEST_CASE("all of many landmarks affect the alignment", "[prior depth]") {
 TEST_CASE("planes of a given depth are in the keyframe's unit", "[prior depth]") {
   const PriorGrid grid(64, 32);
   const Image<float> depth(128, 64, 3.0F);
-  const auto plain = external_planes(depth.view(), 1.0, grid);
-  const auto scaled = external_planes(depth.view(), 4.0, grid);
+  const auto plain = planes_from_prior_depth(depth.view(), 1.0, grid);
+  const auto scaled = planes_from_prior_depth(depth.view(), 4.0, grid);
   REQUIRE(plain.size() == scaled.size());
   for (std::size_t i = 0; i < plain.size(); ++i) {
     CAPTURE(i);
@@ -265,7 +265,7 @@ TEST_CASE("the plane of a cell is that of its own surface independent of adjacen
   for (int y = 0; y < depth.height(); ++y) {
     for (int x = 0; x < depth.width() / 2; ++x) depth(x, y) = 2.0F;
   }
-  const auto planes = external_planes(depth.view(), 1.0, grid);
+  const auto planes = planes_from_prior_depth(depth.view(), 1.0, grid);
   int cells = 0;
   int right = 0;
   for (int row = grid.rows / 4; row < grid.rows * 3 / 4; ++row) {

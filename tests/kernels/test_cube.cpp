@@ -227,7 +227,7 @@ TEST_CASE("a sample at a node is the node's value, and it is linear between node
   const CubeMap map = make_cube_map(image_of_noise(64, 32, 9), kSize, pool);
   const k::CubeView cube = map.view();
   const auto node = [&](int i, int j) {  // of the face +x
-    return static_cast<double>(map.quads[static_cast<std::size_t>(j * (kSize + 1) + i)] & 0xffffU) / k::kTexelsPerGray;
+    return static_cast<double>(map.quads[static_cast<std::size_t>(j * (kSize + 1) + i)] & 0xffffU) / k::kUnitsPerGray;
   };
   for (int j = 1; j < kSize; ++j) {
     for (int i = 1; i < kSize; ++i) {

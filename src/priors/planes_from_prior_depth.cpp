@@ -45,7 +45,8 @@ bool fit(const std::vector<WindowSample>& samples, double tolerance, const Expec
 
 }  // namespace
 
-std::vector<kernels::Vec3<float>> external_planes(ImageView<const float> depth, double unit, const PriorGrid& grid) {
+std::vector<kernels::Vec3<float>> planes_from_prior_depth(ImageView<const float> depth, double unit,
+                                                          const PriorGrid& grid) {
   std::vector<kernels::Vec3<float>> planes(grid.cells(), kernels::Vec3<float>{0.0F, 0.0F, 0.0F});
   const double step = kernels::kPi / grid.rows * kWindow / kWindowSide;
   std::vector<WindowSample> samples;
