@@ -6,8 +6,8 @@
 #include "stage.h"
 
 // Initial planes: those of landmarks, and those of the previous keyframe, warped. If several compete for a pixel the
-// smallest key wins: distance first, then index, independent of the order of threads. `atomic_min_key`
-// keeps the smaller one.
+// smallest key wins: distance first, then index, independent of the order of threads.
+// `atomic_min_key` keeps the smaller one.
 namespace pmsp::kernels {
 
 constexpr std::uint64_t kNoKey = ~std::uint64_t{0};

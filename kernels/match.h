@@ -169,8 +169,7 @@ struct ReorderPlanes {
   }
 };
 
-/// Subtracts the prior bonus from the scores (pmsp::subtract_priors). A stage; `to`
-/// may be `map`.
+/// Subtracts the prior bonus from the scores (pmsp::subtract_priors). A stage; `to` may be `map`.
 template <class ViewTypes>
 struct ScoresWithoutPriors {
   static constexpr int kCounts = 0;

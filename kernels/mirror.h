@@ -17,12 +17,11 @@
 // Evidence is gathered for every other pixel of every other row: per cell of the range maps.
 namespace pmsp::kernels {
 
-constexpr float kBehindMirror = 1.1F;    ///< minimum depth over the plane's depth for a point behind it
-constexpr float kOnMirror = 0.02F;       ///< maximum relative deviation for a point on it
-constexpr float kLeastMirrored = 0.2F;   ///< minimum share of mirror images among the points behind a mirror
-constexpr float kLeastConfirmed = 0.1F;  ///< minimum share of these with a confirmed mirror surface in front
-constexpr float kLeastMirror =
-    1.0F / 4000.0F;                  ///< minimum share of the sphere, of mirror images with a confirmed surface
+constexpr float kBehindMirror = 1.1F;           ///< minimum depth over the plane's depth for a point behind it
+constexpr float kOnMirror = 0.02F;              ///< maximum relative deviation for a point on it
+constexpr float kLeastMirrored = 0.2F;          ///< minimum share of mirror images among the points behind a mirror
+constexpr float kLeastConfirmed = 0.1F;         ///< minimum share of these with a confirmed mirror surface in front
+constexpr float kLeastMirror = 1.0F / 4000.0F;  ///< minimum share of the sphere with such confirmed mirror images
 constexpr int kBesideConfirmed = 4;  ///< distance from a confirmed cell up to which points are removed [cells]
 
 /// Evidence of a cell, two bits per plane: its point lies behind the plane; it is a mirror image.

@@ -382,12 +382,11 @@ class StageEngine final : public Engine {
     SpillableArray<Color> color;                   ///< of the size of the depth map
     SpillableArray<std::uint8_t> mask;             ///< of the size of the depth map; empty: see Processor::mask
     EvidenceMap evidence;  ///< of its texture (EvidenceMap), during its passes with plane priors
-    Array<kernels::Vec3<float>>
-        prior_depth_planes;                   ///< planes of cells (planes_from_prior_depth); empty without prior depth
-    SpillableArray<Plane> pass_planes[2];     ///< after the last even and the last odd pass
-    SpillableArray<Plane> final_planes;       ///< after the last pass and the median filter
-    SpillableArray<float> confidence;         ///< after the consistency filter; 0 = no depth
-    SpillableArray<float> nearest, farthest;  ///< see RangeMap
+    Array<kernels::Vec3<float>> prior_depth_planes;  ///< see planes_from_prior_depth; empty without prior depth
+    SpillableArray<Plane> pass_planes[2];            ///< after the last even and the last odd pass
+    SpillableArray<Plane> final_planes;              ///< after the last pass and the median filter
+    SpillableArray<float> confidence;                ///< after the consistency filter; 0 = no depth
+    SpillableArray<float> nearest, farthest;         ///< see RangeMap
     SpillableArray<std::uint32_t> surfels, details;  ///< see SurfelMap
     SpillableArray<std::uint8_t> agree;              ///< see SurfelMap
     SpillableArray<std::uint8_t> statuses[2];  ///< after the last even and the last odd round of duplicate removal

@@ -62,8 +62,7 @@ struct PlaneMap {
   double scale = 1.0;             ///< scale when the keyframe was added
   KeyframePose pose() const { return {cam_from_world, scale}; }
   Image<float> x, y, z;
-  Image<float>
-      score;  ///< NCC (at most 1), less the penalty of geometric passes, plus the bonus of priors: see patchmatch
+  Image<float> score;  ///< NCC, at most 1, less geometric penalty, plus prior bonus: see patchmatch
 };
 
 /// Converts planes to depth, normal and confidence; far pixels get none. `confidence`: of each pixel, 0 = no depth;

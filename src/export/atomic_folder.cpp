@@ -20,7 +20,7 @@ constexpr const char* kCompleteSuffix = ".whole";  // complete output while its 
 
 std::string name_of(const fs::path& path) { return path.filename().string(); }
 
-[[noreturn]] void refuse(const fs::path& path, const std::string& what, const std::error_code& error) {
+[[noreturn]] void throw_error(const fs::path& path, const std::string& what, const std::error_code& error) {
   throw OutputError(path.string() + ": cannot be " + what + ": " + error.message());
 }
 
@@ -30,7 +30,7 @@ std::vector<fs::path> entries_of(const fs::path& folder) {
   for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
     entries.push_back(it->path());
   }
-  if (error) refuse(folder, "listed", error);
+  if (error) throw_error(folder, "listed", error);
   // Index files (JSON) last, after the files they refer to.
   std::stable_partition(entries.begin(), entries.end(), [](const fs::path& it) { return it.extension() != ".json"; });
   return entries;
@@ -39,7 +39,7 @@ std::vector<fs::path> entries_of(const fs::path& folder) {
 void put(const fs::path& from, const fs::path& to) {
   std::error_code error;
   fs::rename(from, to, error);
-  if (error) refuse(to, "moved into place", error);
+  if (error) throw_error(to, "moved into place", error);
 }
 
 /// Moves a file or folder; merges a folder into an existing one.
@@ -65,7 +65,7 @@ AtomicFolder::AtomicFolder(const fs::path& target, IsOwn is_own, const std::stri
   for (const fs::path& entry : entries_of(part_)) {
     std::error_code error;
     if (name_of(entry) != FolderLock::kName) fs::remove_all(entry, error);
-    if (error) refuse(entry, "deleted", error);
+    if (error) throw_error(entry, "deleted", error);
   }
   const fs::path whole = target_ / kCompleteSuffix;
   if (!in_target_ || !fs::exists(whole, ignored)) return;
@@ -124,7 +124,7 @@ void AtomicFolder::replace() const {
     std::error_code error;
     if (!is_own_(name_of(entry)) || !fs::is_regular_file(entry, error)) continue;
     fs::remove(entry, error);
-    if (error) refuse(entry, "deleted", error);
+    if (error) throw_error(entry, "deleted", error);
   }
   for (const fs::path& entry : entries_of(part_)) {
     if (name_of(entry) != FolderLock::kName) move_into_place(entry, target_ / entry.filename());
