@@ -24,7 +24,7 @@ Json to_json(const PlanEntry& entry) {
             {"consistency", entry.consistency},
             {"fusion", entry.fusion},
             {"viewers", entry.viewers},
-            {"owners", entry.duplicate_views}};
+            {"duplicate_views", entry.duplicate_views}};
   if (entry.first_planes) json["first_planes"] = *entry.first_planes;
   return json;
 }
@@ -50,7 +50,7 @@ PlanEntry entry_from(const JsonValue& json) {
   entry.consistency = ids("consistency");
   entry.fusion = ids("fusion");
   entry.viewers = ids("viewers");
-  entry.duplicate_views = ids("owners");
+  entry.duplicate_views = ids(json.has("duplicate_views") ? "duplicate_views" : "owners");  // former name
   return entry;
 }
 

@@ -40,7 +40,7 @@ std::vector<List> lists_of(const DensifierOptions& options) {
           {"fusion", &PlanEntry::fusion, window, reach.fusion, reach.fusion, false},
           {"viewers", &PlanEntry::viewers, options.advanced.free_space.enabled ? asked : window, reach.viewers_before,
            reach.viewers_after, false},
-          {"owners", &PlanEntry::duplicate_views, searches_whole_mission(options) ? asked : window,
+          {"duplicate_views", &PlanEntry::duplicate_views, searches_whole_mission(options) ? asked : window,
            reach.duplicate_views, reach.duplicate_views, false}};
 }
 

@@ -79,6 +79,7 @@ Workspace::Workspace(const fs::path& folder, Access access)
   if (is_file(folder / kBegun)) {
     begun_ = record_from_json(read_whole_file(folder / kBegun), (folder / kBegun).string());
   }
+  fs::rename(folder_ / "looks", image_records(), error);  // former name
   make_folder(planes());
   make_folder(points());
   if (access == Access::kShared) {

@@ -28,7 +28,7 @@ namespace pmsp::workspace {
 ///     lock                    locked while a process works here
 ///     planes/ID-STEP          planes of a keyframe, made by step STEP
 ///     points/ID-STEP          points, likewise
-///     looks/ID-INPUTS         image properties recorded by shards; until the step is complete
+///     image_records/ID-INPUTS image properties recorded by shards; until the step is complete
 ///     shards/                 see ShardFolder
 ///
 /// Files are written atomically and never change. A step writes its files beside those of earlier steps, then the
@@ -97,7 +97,7 @@ class PMSP_API Workspace {
  private:
   std::filesystem::path planes() const { return folder_ / "planes"; }
   std::filesystem::path points() const { return folder_ / "points"; }
-  std::filesystem::path image_records() const { return folder_ / "looks"; }
+  std::filesystem::path image_records() const { return folder_ / "image_records"; }
   bool holds_record() const;
   void drop_missing(Record& record) const;
   void delete_unnamed() const;

@@ -157,8 +157,8 @@ TEST_CASE("fuse writes the outputs and statistics of run", "[fuse]") {
   INFO(result.err);
   REQUIRE(result.code == 0);
   const Json stats = Json::parse(read_text(dir / "s.json"));
-  CHECK(stats["given_depth"]["kind"] == "raw");
-  CHECK(stats["given_depth"]["maps"].size() == 5);
+  CHECK(stats["external_depths"]["kind"] == "raw");
+  CHECK(stats["external_depths"]["maps"].size() == 5);
   CHECK(stats["keyframes"]["depth_maps"] == 5);
   CHECK(stats["pixels"]["unmasked"] == 5 * 128 * 64);
   CHECK(stats["pixels"]["matched"] > 4 * 128 * 64);
@@ -225,7 +225,7 @@ TEST_CASE("depth maps are found by image names in any format and unit", "[fuse]"
   const Result disparity = fuse("disparity", {"--depth-scale", "auto"});
   INFO(disparity.err);
   REQUIRE(disparity.code == 0);
-  CHECK(Json::parse(read_text(dir / "disparity.json"))["given_depth"]["maps"][0]["model"] == "inverse depth");
+  CHECK(Json::parse(read_text(dir / "disparity.json"))["external_depths"]["maps"][0]["model"] == "inverse depth");
   CHECK(points_in_stats(dir / "disparity.json") > points / 2);
 }
 

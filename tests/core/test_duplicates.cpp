@@ -257,7 +257,7 @@ std::vector<std::pair<std::int64_t, std::uint32_t>> keys(const Owners& duplicate
 
 }  // namespace
 
-TEST_CASE("duplicate removal keeps each place of a room exactly once", "[ownership]" PMSP_ACCURACY) {
+TEST_CASE("duplicate removal keeps each place of a room exactly once", "[duplicates]" PMSP_ACCURACY) {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.5}, {0.03, 0.02, 0.35}, 8), 0.002);
   room.fusion.spacing_px = GENERATE(0.3, 0.75);
   room.make();
@@ -268,7 +268,7 @@ TEST_CASE("duplicate removal keeps each place of a room exactly once", "[ownersh
   CHECK(room.near_pairs() < 0.08);
 }
 
-TEST_CASE("a slanted floor is one surface at any viewing angle", "[ownership]") {
+TEST_CASE("a slanted floor is one surface at any viewing angle", "[duplicates]") {
   synth::Scene scene;
   const Vector3d up = Vector3d(0.25, -1.0, 0.2).normalized();
   scene.add(synth::Plane{{0.0, 0.6, 0.0}, up}, synth::textured(1));
@@ -285,7 +285,7 @@ TEST_CASE("a slanted floor is one surface at any viewing angle", "[ownership]") 
   CHECK(floor.points() < 0.8 * floor.eligible);
 }
 
-TEST_CASE("a thin wall keeps the points of both its sides", "[ownership]") {
+TEST_CASE("a thin wall keeps the points of both its sides", "[duplicates]") {
   synth::Scene scene = box({3.0, 1.5, 3.0});
   scene.add(synth::Box{Vector3d::Zero(), {0.004, 1.4, 1.5}, Eigen::Matrix3d::Identity()}, synth::textured(2));
   std::vector<RigidTransform> poses;
@@ -305,7 +305,7 @@ TEST_CASE("a thin wall keeps the points of both its sides", "[ownership]") {
   CHECK(wall.uncovered() < 0.001);
 }
 
-TEST_CASE("an object parallel to a wall behind it removes no points of the wall", "[ownership]") {
+TEST_CASE("an object parallel to a wall behind it removes no points of the wall", "[duplicates]") {
   synth::Scene scene = box({3.0, 1.5, 4.0});
   scene.add(synth::Box{{0.0, 0.0, 1.5}, {0.5, 0.5, 0.02}, Eigen::Matrix3d::Identity()}, synth::textured(2));
   // Each of them sees some of the wall that the board hides from the other, which samples the board more finely.
@@ -315,7 +315,7 @@ TEST_CASE("an object parallel to a wall behind it removes no points of the wall"
   CHECK(duplicate_views.uncovered() < 0.001);
 }
 
-TEST_CASE("a point lies on a surface by either of the two normals", "[ownership]") {
+TEST_CASE("a point lies on a surface by either of the two normals", "[duplicates]") {
   namespace k = kernels;
   using V = k::Vec3<float>;
   k::DuplicateView other{};
@@ -340,7 +340,7 @@ TEST_CASE("a point lies on a surface by either of the two normals", "[ownership]
   CHECK_FALSE(stands(level, level, {0.0F, 0.0F, 0.1F}));
 }
 
-TEST_CASE("points seen at a quarter of the distance replace the coarser ones", "[ownership]") {
+TEST_CASE("points seen at a quarter of the distance replace the coarser ones", "[duplicates]") {
   const bool near_first = GENERATE(true, false);
   std::vector<RigidTransform> poses = {at({0.0, 0.0, 3.0}), at({0.3, 0.0, 3.1}), at({0.0, 0.0, 0.0}),
                                        at({0.3, 0.1, 0.1})};
@@ -359,7 +359,7 @@ TEST_CASE("points seen at a quarter of the distance replace the coarser ones", "
   CHECK(duplicate_views.uncovered() < 0.001);
 }
 
-TEST_CASE("sixty keyframes that hover give about as many points as a few", "[ownership]" PMSP_ACCURACY) {
+TEST_CASE("sixty keyframes that hover give about as many points as a few", "[duplicates]" PMSP_ACCURACY) {
   std::vector<RigidTransform> poses;
   for (int k = 0; k < 60; ++k) {
     poses.push_back(at(
@@ -377,7 +377,7 @@ TEST_CASE("sixty keyframes that hover give about as many points as a few", "[own
   CHECK(hover.points() > static_cast<double>(hover.maps[0].depth.size()));
 }
 
-TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
+TEST_CASE("the order of keyframes in memory changes nothing", "[duplicates]") {
   const std::vector<RigidTransform> poses = along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 5);
   Owners one(box({2.0, 1.5, 4.0}), poses, 0.002);
   one.make();
@@ -432,7 +432,7 @@ TEST_CASE("the order of keyframes in memory changes nothing", "[ownership]") {
   CHECK(differ.empty());
 }
 
-TEST_CASE("of two equal views of a place the earlier keyframe keeps its points", "[ownership]") {
+TEST_CASE("of two equal views of a place the earlier keyframe keeps its points", "[duplicates]") {
   Owners twins(box({2.0, 1.5, 3.0}), {at({0.1, 0.0, -0.6}), at({0.1, 0.0, -0.6})});
   twins.maps[1].confidence = twins.maps[0].confidence;
   twins.make();
@@ -440,7 +440,7 @@ TEST_CASE("of two equal views of a place the earlier keyframe keeps its points",
   CHECK(twins.clouds[1].points.empty());
 }
 
-TEST_CASE("leaving out any keyframe loses no place that others see", "[ownership]" PMSP_ACCURACY) {
+TEST_CASE("leaving out any keyframe loses no place that others see", "[duplicates]" PMSP_ACCURACY) {
   const std::vector<RigidTransform> poses = along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 6);
   for (std::size_t gone = 0; gone < poses.size(); ++gone) {
     std::vector<RigidTransform> rest = poses;
@@ -453,7 +453,7 @@ TEST_CASE("leaving out any keyframe loses no place that others see", "[ownership
   }
 }
 
-TEST_CASE("a duplicate has a kept point in a keyframe it was compared with", "[ownership]") {
+TEST_CASE("a duplicate has a kept point in a keyframe it was compared with", "[duplicates]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.5}, {0.03, 0.02, 0.35}, 8), 0.002);
   room.rounds = 1;
   room.make();
@@ -471,7 +471,7 @@ TEST_CASE("a duplicate has a kept point in a keyframe it was compared with", "[o
   CHECK(room.uncovered() < 0.001);
 }
 
-TEST_CASE("a rigid motion of all poses keeps the same points", "[ownership]") {
+TEST_CASE("a rigid motion of all poses keeps the same points", "[duplicates]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 5), 0.002);
   room.make();
   const double before = room.points();
@@ -484,7 +484,7 @@ TEST_CASE("a rigid motion of all poses keeps the same points", "[ownership]") {
   CHECK(room.uncovered() < 0.001);
 }
 
-TEST_CASE("duplicates aligned by a pose correction are removed and separated ones are kept", "[ownership]") {
+TEST_CASE("duplicates aligned by a pose correction are removed and separated ones are kept", "[duplicates]") {
   // Two passes of one place. The second drifted away; the loop closure moves it back.
   const synth::Scene scene = box({2.0, 1.5, 3.0});
   std::vector<RigidTransform> poses = along({0.1, 0.0, -0.6}, {0.0, 0.0, 0.4}, 3);
@@ -500,7 +500,7 @@ TEST_CASE("duplicates aligned by a pose correction are removed and separated one
   CHECK(closed.uncovered() < 0.001);
 }
 
-TEST_CASE("a keyframe of another scale gives the same duplicates", "[ownership]") {
+TEST_CASE("a keyframe of another scale gives the same duplicates", "[duplicates]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 5), 0.002);
   room.make();
   const auto before = keys(room);
@@ -519,7 +519,7 @@ TEST_CASE("a keyframe of another scale gives the same duplicates", "[ownership]"
   CHECK(keys(room) != before);
 }
 
-TEST_CASE("points contain their pixel and the agreeing keyframes", "[ownership]") {
+TEST_CASE("points contain their pixel and the agreeing keyframes", "[duplicates]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 5));
   for (float& depth : room.maps[1].depth.pixels()) depth *= 1.5F;  // another surface
   room.make();
@@ -536,7 +536,7 @@ TEST_CASE("points contain their pixel and the agreeing keyframes", "[ownership]"
   CHECK(static_cast<double>(only_the_other) > 0.95 * static_cast<double>(keyed.pixels.size()));
 }
 
-TEST_CASE("duplicate removal gives the same points for any number of threads", "[ownership]") {
+TEST_CASE("duplicate removal gives the same points for any number of threads", "[duplicates]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 4), 0.002);
   room.make(1);
   const auto one = keys(room);
@@ -544,7 +544,7 @@ TEST_CASE("duplicate removal gives the same points for any number of threads", "
   CHECK(keys(room) == one);
 }
 
-TEST_CASE("points that others see through are neither kept nor duplicates of others", "[ownership]") {
+TEST_CASE("points that others see through are neither kept nor duplicates of others", "[duplicates]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 5));
   for (int x = 0; x < 20; ++x) {  // a floater in the first map
     for (int y = 30; y < 50; ++y) room.maps[0].depth(x, y) *= 0.6F;
@@ -559,7 +559,7 @@ TEST_CASE("points that others see through are neither kept nor duplicates of oth
   CHECK((room.surfels[0].statuses(10, 40) & 3) == 2);
 }
 
-TEST_CASE("points below the minimum confidence are neither kept nor duplicates of others", "[ownership]") {
+TEST_CASE("points below the minimum confidence are neither kept nor duplicates of others", "[duplicates]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 2));
   for (float& confidence : room.maps[0].confidence.pixels()) confidence = 0.2F;
   room.fusion.min_confidence = 0.5;
@@ -568,7 +568,7 @@ TEST_CASE("points below the minimum confidence are neither kept nor duplicates o
   CHECK(static_cast<double>(room.clouds[1].points.size()) > 0.95 * static_cast<double>(room.maps[1].depth.size()));
 }
 
-TEST_CASE("duplicate removal refuses inconsistent input", "[ownership]") {
+TEST_CASE("duplicate removal refuses inconsistent input", "[duplicates]") {
   Owners room(box({2.0, 1.5, 4.0}), along({0.1, 0.05, -1.0}, {0.03, 0.02, 0.4}, 2));
   room.make();
   const Executor executor(1);

@@ -68,7 +68,7 @@ const std::vector<Mistake>& mistakes() {
       {"too many neighbours", [](Plan& p, std::size_t i) { p.entries[i].near.resize(9, p.entries[i + 1].id); },
        "at most"},
       {"too many viewers", [](Plan& p, std::size_t i) { p.entries[i].viewers.resize(33, 9999); }, "viewers"},
-      {"too many owners", [](Plan& p, std::size_t i) { p.entries[i].duplicate_views.resize(33, 9999); }, "owners"},
+      {"too many duplicate views", [](Plan& p, std::size_t i) { p.entries[i].duplicate_views.resize(33, 9999); }, "duplicate_views"},
       {"too wide a window", [](Plan& p, std::size_t i) { p.entries[i].consistency.resize(31, 9999); }, "consistency"},
       {"a keyframe too far away", [](Plan& p, std::size_t i) { p.entries[i].fusion[0] = p.entries.back().id; },
        "used keyframes after it"},

@@ -301,12 +301,12 @@ void check_same(const Flight& flight) {
 
 }  // namespace
 
-TEST_CASE("duplicate removal on the device equals that of the host", "[cuda][ownership]") {
+TEST_CASE("duplicate removal on the device equals that of the host", "[cuda][duplicates]") {
   const Flight flight(320, 5);
   check_same(flight);
 }
 
-TEST_CASE("duplicate removal of a small mission on the device equals that of the host", "[cuda][ownership][small]") {
+TEST_CASE("duplicate removal of a small mission on the device equals that of the host", "[cuda][duplicates][small]") {
   const Flight flight(64, 3);
   check_same(flight);
 }

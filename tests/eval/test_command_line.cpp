@@ -300,7 +300,7 @@ TEST_CASE("figures by label are in the table and in the JSON") {
   REQUIRE(m.run("depth depth" + rest) == 0);
   labels = json::parse(read_text(m.folder / "f.json"))["depth"]["labels"];
   CHECK(labels["thin"]["wrong"].get<double>() == 0.0);
-  CHECK(labels["thin"]["grown_of_beside"].get<double>() == 0.0);
+  CHECK(labels["thin"]["grown"].get<double>() == 0.0);
 
   REQUIRE(m.run("cloud cloud.ply" + rest) == 0);
   const json figures = json::parse(read_text(m.folder / "f.json"));

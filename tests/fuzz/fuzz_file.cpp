@@ -152,7 +152,7 @@ std::vector<Reader> make_readers(const fs::path& folder) {
   const std::string ply_tail = "property float y\nproperty float z\nproperty uchar red\nend_header\n1 2 3 4\n5 6 7 8\n";
   const std::string entry =
       "{\"id\": 3, \"use\": \"depth map\", \"near\": [4], \"range\": [0.5, 20], \"first_planes\": null, "
-      "\"consistency\": [4], \"fusion\": [4], \"viewers\": [], \"owners\": []}";
+      "\"consistency\": [4], \"fusion\": [4], \"viewers\": [], \"duplicate_views\": []}";
   return {
       {"a.ply", [](const fs::path& path) { read_ply(path); }, {ply_head + ply_tail}},
       {"a.las", read_cloud, {las(folder / "seed.las"), old_las()}},

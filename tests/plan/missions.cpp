@@ -182,7 +182,7 @@ std::string difference(const Plan& a, const Plan& b) {
     if (x.consistency != y.consistency) result += " consistency";
     if (x.fusion != y.fusion) result += " fusion";
     if (x.viewers != y.viewers) result += " viewers";
-    if (x.duplicate_views != y.duplicate_views) result += " owners";
+    if (x.duplicate_views != y.duplicate_views) result += " duplicate_views";
     result += "; ";
   }
   return result;

@@ -196,10 +196,19 @@ TEST_CASE("image records are kept until a step ends") {
   REQUIRE(look->sharpness.landmarks.size() == 1);
   CHECK(look->sharpness.landmarks[0].id == 7);
   CHECK(look->sharpness.landmarks[0].vertical == 0.25F);
-  write_text(dir / "work/looks" / kOld, "pmsp look      1");
+  write_text(dir / "work/image_records" / kOld, "pmsp look      1");
   CHECK_THROWS_WITH(workspace.find_image_record(kOld), Contains("damaged"));
   workspace.commit({});
   CHECK_FALSE(workspace.find_image_record(kKept));
+}
+
+TEST_CASE("image records of a workspace with their former folder name are found") {
+  const TempDir dir;
+  const ImageRecord record{64, 32, {{{7, 0.5F, 0.25F}}}};
+  Workspace(dir / "work", Workspace::Access::kShared).save_image_record(kKept, record);
+  std::filesystem::rename(dir / "work/image_records", dir / "work/looks");
+  CHECK(Workspace(dir / "work", Workspace::Access::kShared).find_image_record(kKept));
+  CHECK_FALSE(std::filesystem::exists(dir / "work/looks"));
 }
 
 TEST_CASE("a directory with foreign files is no workspace") {

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "export/files.h"
-#include "given_depth.h"
+#include "external_depths.h"
 #include "pmsp/error.h"
 #include "verbs.h"
 

@@ -136,7 +136,7 @@ bool is_of_other_verb(const Arguments& arguments, const Target& target) {
 
 bool is_workspace_file(const std::string& name) {
   return name == "workspace.json" || name == "begun.json" || name == "lock" || name == "planes" || name == "points" ||
-         name == "looks" || name == "shards";
+         name == "image_records" || name == "shards";
 }
 
 std::vector<Target> targets_of(const Arguments& arguments) {
@@ -161,7 +161,7 @@ void check_beside_workspace(const Arguments& arguments, const Target& target) {
   if (arguments.workspace.empty()) return;
   check_pair({"--workspace", arguments.workspace, is_workspace_file}, target);
   const fs::path folder = place_of(arguments.workspace);
-  for (const char* inner : {"planes", "points", "looks", "shards"}) {
+  for (const char* inner : {"planes", "points", "image_records", "shards"}) {
     if (!is_or_lies_in(place_of(target.path), folder / inner)) continue;
     throw UsageError(text_of(target) + " is inside --workspace; give another path");
   }

@@ -64,7 +64,7 @@ Json to_json(const CalibrationBin& bin) {
   return {{"share", bin.share},
           {"confidence_min", bin.confidence_min},
           {"confidence_max", bin.confidence_max},
-          {"error_told_relative", bin.reported_error},
+          {"error_expected_relative", bin.reported_error},
           {"error_median_relative", bin.error_median},
           {"error_p90_relative", bin.error_p90},
           {"within", bin.within}};
@@ -190,7 +190,7 @@ Json to_json(const LabelTable& labels) {
              {"wrong", m.wrong_share()},
              {"behind_of_estimates", m.behind_share()},
              {"in_front_of_estimates", m.in_front_share()}};
-    if (label == kThin) entry["grown_of_beside"] = m.grown_share();
+    if (label == kThin) entry["grown"] = m.grown_share();
   }
   return json;
 }

@@ -103,7 +103,7 @@ Json report_times(const Json& stats) {
   add("Consistency filter", "seconds", "consistency");
   add("Fusion", "seconds", "fusion");
   add("Free space", "seconds", "free_space");
-  add("Duplicate removal", "seconds", "ownership");
+  add("Duplicate removal", "seconds", "duplicates");
   add("Writing points", "critical_path", "points");
   add("Writing depth maps", "critical_path", "depth_maps");
   add("Writing and reading the workspace", "critical_path", "workspace");

@@ -194,8 +194,8 @@ MaskReport look_at_masks(const Arguments& arguments, const SlamMap& map, const I
     report.text += "; --no-masks ignores masks that come with images";
   const bool is_each = it.in_folder + it.named + it.in_masks + it.beside > 0;
   report.json = {{"hidden", it.hidden},
-                 {"least", it.least},
-                 {"most", it.most},
+                 {"min", it.least},
+                 {"max", it.most},
                  {"weighted_by", "solid angle"},
                  {"images", it.images},
                  {"with_file", is_each         ? it.in_folder + it.named + it.in_masks + it.beside

@@ -17,7 +17,7 @@
 #include "exit_code.h"
 #include "export/files.h"
 #include "follow.h"
-#include "given_depth.h"
+#include "external_depths.h"
 #include "live_view.h"
 #include "mission_input.h"
 #include "options.h"

@@ -48,7 +48,7 @@ std::string left_out(const RunReport& report) {
 std::string pixels_kept(const RunReport& report) {
   const DensifierStats& s = report.stats;
   if (!report.workspace.is_null()) return "";
-  return "pixels kept: " + std::string(report.external_depths.is_null() ? "PatchMatch " : "given ") +
+  return "pixels kept: " + std::string(report.external_depths.is_null() ? "PatchMatch " : "depth images ") +
          percent_text(s.pixels_matched, s.pixels) + ", median filter " + percent_text(s.pixels_after_median, s.pixels) +
          ", consistency filter " + percent_text(s.pixels_after_consistency, s.pixels) + " of " + count_text(s.pixels) +
          (1000 * s.pixels_far >= s.pixels && s.pixels_far > 0 ? "; sky " + percent_text(s.pixels_far, s.pixels) : "") +
@@ -147,7 +147,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
                      {"init", s.seconds_init},           {"patchmatch", s.seconds_patchmatch},
                      {"median", s.seconds_median},       {"consistency", s.seconds_consistency},
                      {"fusion", s.seconds_fusion},       {"free_space", s.seconds_free_space},
-                     {"ownership", s.seconds_duplicates}};
+                     {"duplicates", s.seconds_duplicates}};
   for (std::size_t i = 0; i < kBusyKinds; ++i) {
     json["critical_path"][kBusyNames[i].key] = report.time.seconds(static_cast<Activity>(i));
   }
@@ -176,7 +176,7 @@ nlohmann::ordered_json to_json(const RunReport& report) {
     json["skipped"].push_back({{"keyframe_id", skipped.keyframe_id}, {"reason", skipped.reason}});
   }
   if (!report.prior_depth.is_null()) json["prior_depth"] = report.prior_depth;
-  if (!report.external_depths.is_null()) json["given_depth"] = report.external_depths;
+  if (!report.external_depths.is_null()) json["external_depths"] = report.external_depths;
   if (!report.workspace.is_null()) json["workspace"] = report.workspace;
   if (!report.empty_reason.empty()) json["empty"] = report.empty_reason;
   return json;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "given_depth.h"
+#include "external_depths.h"
 
 #include <algorithm>
 #include <cmath>
