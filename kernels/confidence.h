@@ -56,8 +56,8 @@ PMSP_HD float width_correction(int width) {
 
 /// Expected (median) relative error, calibrated with ground truth; large if no map agrees. The remaining spread has
 /// other causes, such as poses. A score (a correlation) of s means noise of (1 - s) / s of the texture's variance: the
-/// error of a measured shift grows with its root, and that of the depth also with the inverse parallax, even if maps
-/// agree because of a prior. `correction`: width_correction.
+/// error of a measured shift grows with its root, above a floor set by interpolation, and that of the depth also with
+/// the inverse parallax, even if maps agree because of a prior. `correction`: width_correction.
 template <class F>
 PMSP_HD F expected_error(const Evidence<F>& evidence, float correction) {
   constexpr float kFloor = 3e-4F;  // of spread and roughness, which may be small by chance
@@ -67,6 +67,7 @@ PMSP_HD F expected_error(const Evidence<F>& evidence, float correction) {
   constexpr float kResolved = 0.00436F;
   constexpr float kErrorPerSpread = 0.56F;
   constexpr float kErrorPerNoise = 0.077F;  // [px]
+  constexpr float kLeastShift = 0.02F;      // error of a measured shift at a score of 1 [px]
   constexpr float kLeast = 5e-5F;
   const F agree = max(evidence.agree, F(0.1F));
   const F rms_deviation = sqrt(evidence.square_spread / agree);
@@ -77,9 +78,8 @@ PMSP_HD F expected_error(const Evidence<F>& evidence, float correction) {
   const F doubt = F(kTrustedScore) / min(score, F(kTrustedScore));
   const F error = F(correction * kCalibration) * mean * doubt * evidence.maps / agree;
   const F of_spread = F(correction * kErrorPerSpread) * rms_deviation;
-  const F of_noise = F(kErrorPerNoise) * resolution;
-  const F square_of_noise = of_noise * of_noise * (F(1) - score) / score;
-  return sqrt(fma(error, error, fma(of_spread, of_spread, square_of_noise))) + F(kLeast);
+  const F square_shift = fma(F(kErrorPerNoise * kErrorPerNoise), (F(1) - score) / score, F(kLeastShift * kLeastShift));
+  return sqrt(fma(error, error, fma(of_spread, of_spread, resolution * resolution * square_shift))) + F(kLeast);
 }
 
 /// Adds the effect of `pose_error` [rad] (Keyframe::pose_error) of both keyframes. It is common to all agreeing maps:
