@@ -143,10 +143,14 @@ nlohmann::ordered_json to_json(const RunReport& report) {
   if (const std::int64_t near = s.pixels - s.pixels_far; near > 0) {
     json["coverage"] = static_cast<double>(s.pixels_after_consistency) / static_cast<double>(near);
   }
-  json["seconds"] = {{"total", report.time.total()},     {"prepare", s.seconds_prepare},
-                     {"init", s.seconds_init},           {"patchmatch", s.seconds_patchmatch},
-                     {"median", s.seconds_median},       {"consistency", s.seconds_consistency},
-                     {"fusion", s.seconds_fusion},       {"free_space", s.seconds_free_space},
+  json["seconds"] = {{"total", report.time.total()},
+                     {"prepare", s.seconds_prepare},
+                     {"init", s.seconds_init},
+                     {"patchmatch", s.seconds_patchmatch},
+                     {"median", s.seconds_median},
+                     {"consistency", s.seconds_consistency},
+                     {"fusion", s.seconds_fusion},
+                     {"free_space", s.seconds_free_space},
                      {"duplicates", s.seconds_duplicates}};
   for (std::size_t i = 0; i < kBusyKinds; ++i) {
     json["critical_path"][kBusyNames[i].key] = report.time.seconds(static_cast<Activity>(i));
