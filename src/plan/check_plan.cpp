@@ -32,15 +32,15 @@ struct List {
 std::vector<List> lists_of(const DensifierOptions& options) {
   const PlanReach reach = plan_reach(options);
   const int window = options.advanced.fusion.window - 1;
-  const int asked = std::min(kernels::kMaxViewers, window + options.advanced.free_space.views);
+  const int max_viewers = std::min(kernels::kMaxViewers, window + options.advanced.free_space.views);
   return {{"near", &PlanEntry::near, options.advanced.patchmatch.neighbours, reach.near, reach.near, true},
           {"consistency", &PlanEntry::consistency,
            options.advanced.consistency.enabled ? options.advanced.consistency.window - 1 : 0, reach.consistency,
            reach.consistency, false},
           {"fusion", &PlanEntry::fusion, window, reach.fusion, reach.fusion, false},
-          {"viewers", &PlanEntry::viewers, options.advanced.free_space.enabled ? asked : window, reach.viewers_before,
-           reach.viewers_after, false},
-          {"duplicate_views", &PlanEntry::duplicate_views, searches_whole_mission(options) ? asked : window,
+          {"viewers", &PlanEntry::viewers, options.advanced.free_space.enabled ? max_viewers : window,
+           reach.viewers_before, reach.viewers_after, false},
+          {"duplicate_views", &PlanEntry::duplicate_views, searches_whole_mission(options) ? max_viewers : window,
            reach.duplicate_views, reach.duplicate_views, false}};
 }
 

@@ -228,13 +228,13 @@ TEST_CASE("confidence is low on rough surfaces", "[consistency]") {
   const int x = kWidth / 4;
   const int y = kWidth / 4;
   for (std::size_t i = 0; i < rough.depth.size(); ++i) {
-    rough.depth.pixels()[i] *= static_cast<float>(1.0 + 0.006 * synth::gaussian(4, i));
+    rough.depth.pixels()[i] *= static_cast<float>(1.0 + 0.007 * synth::gaussian(4, i));
   }
   rough.depth(x, y) = maps[2].depth(x, y);  // agrees as before
   const auto told = [&](const DepthMap& map) {
     return reported_error(filtered(map, others_of(maps, 2)).confidence(x, y));
   };
-  CHECK(told(rough) > 1.9F * told(maps[2]));
+  CHECK(told(rough) > 2.0F * told(maps[2]));
 }
 
 TEST_CASE("confidence is low where there is little parallax", "[consistency]") {

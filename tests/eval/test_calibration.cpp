@@ -50,7 +50,7 @@ TEST_CASE("deciles of a known distribution have its quantiles") {
     CHECK(bin.share == Approx(0.1));
     CHECK(bin.confidence_min == Approx(0.1 * static_cast<double>(i)).margin(1e-6));
     CHECK(bin.confidence_max == Approx(0.1 * static_cast<double>(i) + 0.076));
-    CHECK(bin.reported_error == Approx(0.005 * (1.0 / (0.1 * static_cast<double>(i) + 0.036) - 1.0)).epsilon(1e-3));
+    CHECK(bin.expected_error == Approx(0.005 * (1.0 / (0.1 * static_cast<double>(i) + 0.036) - 1.0)).epsilon(1e-3));
     CHECK(bin.error_median == Approx(kFalling[i]));
     CHECK(bin.error_p90 == Approx(3.0 * kFalling[i]));
     CHECK(bin.within == Approx(i < 6 ? 0.3 : i == 6 ? 0.8 : 1.0));

@@ -31,7 +31,7 @@ double quantile(const std::vector<Weighted>& samples, float Weighted::*value, do
 }
 
 /// Expected relative error of a confidence (median, see pmsp::DepthMap).
-double reported_error(double confidence) { return 0.005 * (1.0 / confidence - 1.0); }
+double expected_error(double confidence) { return 0.005 * (1.0 / confidence - 1.0); }
 
 /// Accumulates a bin, in ascending confidence.
 class BinBuilder {
@@ -51,7 +51,7 @@ class BinBuilder {
       if (static_cast<double>(sample.error) < threshold) within += static_cast<double>(sample.weight);
     }
     bin_.share = sum / total;
-    bin_.reported_error = reported_error(quantile(samples_, &Weighted::confidence, sum, 0.5));
+    bin_.expected_error = expected_error(quantile(samples_, &Weighted::confidence, sum, 0.5));
     std::sort(samples_.begin(), samples_.end(), [](const auto& a, const auto& b) { return a.error < b.error; });
     bin_.error_median = quantile(samples_, &Weighted::error, sum, 0.5);
     bin_.error_p90 = quantile(samples_, &Weighted::error, sum, 0.9);

@@ -21,7 +21,7 @@ struct CalibrationBin {
   double share = 0.0;  ///< of all pixels: 0.1, unless many have equal confidence
   double confidence_min = 0.0;
   double confidence_max = 0.0;
-  double reported_error = 0.0;  ///< median of the expected errors
+  double expected_error = 0.0;  ///< median of the expected errors
   double error_median = 0.0;
   double error_p90 = 0.0;
   double within = 0.0;  ///< share with an error below Calibration::threshold

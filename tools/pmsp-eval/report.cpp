@@ -64,7 +64,7 @@ Json to_json(const CalibrationBin& bin) {
   return {{"share", bin.share},
           {"confidence_min", bin.confidence_min},
           {"confidence_max", bin.confidence_max},
-          {"error_expected_relative", bin.reported_error},
+          {"error_expected_relative", bin.expected_error},
           {"error_median_relative", bin.error_median},
           {"error_p90_relative", bin.error_p90},
           {"within", bin.within}};
@@ -81,7 +81,7 @@ Json to_json(const CalibrationCurve& curve) {
 }
 
 std::string bin_figures(const CalibrationBin& bin) {
-  return format("   %7.3f   %7.3f   %7.3f   %7.2f", 100.0 * bin.reported_error, 100.0 * bin.error_median,
+  return format("   %7.3f   %7.3f   %7.3f   %7.2f", 100.0 * bin.expected_error, 100.0 * bin.error_median,
                 100.0 * bin.error_p90, 100.0 * bin.within);
 }
 
