@@ -14,6 +14,18 @@ const read = (...path) => readFileSync(join(here, ...path), "utf8");
 // A script ends at the first "</script", wherever it stands.
 const safe = (script) => script.replaceAll("</script", "<\\/script").replaceAll("<!--", "<\\!--");
 
+// Modules of three instead of its one file, so that unused ones stay out; and no text of its materials, since the page has
+// materials of its own.
+const slimThree = {
+  name: "slim three",
+  setup: (build) => {
+    build.onResolve({ filter: /^three$/ }, () => ({ path: join(here, "node_modules", "three", "src", "Three.js") }));
+    build.onLoad({ filter: /three.src.renderers.shaders.Shader(Chunk|Lib).*\.glsl\.js$/ }, () => ({
+      contents: 'export default ""; export const vertex = "", fragment = "";',
+    }));
+  },
+};
+
 async function page() {
   const result = await build({
     entryPoints: [join(here, "src", "main.ts")],
@@ -24,6 +36,7 @@ async function page() {
     target: ["es2022"],
     legalComments: "none",
     absWorkingDir: here,
+    plugins: [slimThree],
   });
   const licence = read("node_modules", "three", "LICENSE").trim().replaceAll("*/", "* /");
   const script = safe(`/*!\nThis page holds three.js.\n\n${licence}\n*/\n${result.outputFiles[0].text.trim()}\n`);

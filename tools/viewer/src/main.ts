@@ -2,17 +2,17 @@
 // The page: buttons, keys and the address around the picture.
 import { readData } from "./data";
 import { button, countText, el, slider } from "./dom";
-import type { Kind, Picked } from "./measure";
-import { pointsOf } from "./measure";
 import { Around } from "./around";
+import { listenForKeys } from "./keys";
 import { showLegend } from "./legend";
 import { Live, type LiveState } from "./live";
+import { Measuring } from "./measuring";
 import { writeReport } from "./report";
 import { listResults } from "./results";
 import { type Coloring, colorings, type Mode, modes, stateFrom, stateText } from "./state";
 import type { StreamState } from "./stream";
 import { Viewer } from "./viewer";
-import { coloringWords, keyWords, kindWords, modeWords } from "./words";
+import { coloringWords, keyWords, modeWords } from "./words";
 
 function byId<T extends HTMLElement>(id: string): T {
   const found = document.getElementById(id);
@@ -27,10 +27,9 @@ class Page {
   live: Live | null = null;
   around: Around | null = null;
   private hasStreamWords = false;
-  private kind: Kind | "note" | null = null;
+  readonly measuring = new Measuring(this.viewer, this.state, (text) => this.say(text), () => this.changed());
   private addressTimer = 0;
   private readonly modeButtons = new Map<Mode, HTMLButtonElement>();
-  private readonly kindButtons = new Map<string, HTMLButtonElement>();
   private readonly select = el("select", { "aria-label": "Colour by" });
   private readonly legend = el("div", { id: "legend" });
   private readonly message = byId("message");
@@ -128,22 +127,14 @@ class Page {
     );
     for (const coloring of colorings) this.select.append(el("option", { value: coloring }, coloringWords[coloring]));
     this.select.addEventListener("change", () => this.setColoring(this.select.value as Coloring));
-    const measure = el("div", { role: "group", "aria-label": "Measure" });
-    for (const kind of Object.keys(kindWords) as Kind[]) {
-      const made = button(kindWords[kind], () => this.measure(kind));
-      this.kindButtons.set(kind, made);
-      measure.append(made);
-    }
-    const note = button("Note", () => this.measure("note"));
-    this.kindButtons.set("note", note);
-    measure.append(note);
-    byId("toolbar").append(
-      views,
+    const tools = el(
+      "div",
+      { id: "tools" },
       el("div", {}, this.select),
-      measure,
+      this.measuring.buttons,
       el("div", {}, button("Save picture", () => this.save()), button("Help", () => byId<HTMLDialogElement>("help").showModal())),
-      flight,
     );
+    byId("toolbar").append(views, tools, flight);
     byId("view").append(this.legend);
   }
 
@@ -179,9 +170,9 @@ class Page {
     canvas.addEventListener("pointerup", (event) => {
       if (!down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 6 || event.button !== 0) return;
       const box = canvas.getBoundingClientRect();
-      this.take(event.clientX - box.left, event.clientY - box.top);
+      this.measuring.take(event.clientX - box.left, event.clientY - box.top);
     });
-    canvas.addEventListener("keydown", (event) => this.key(event));
+    listenForKeys(canvas, this);
     window.addEventListener("hashchange", () => {
       if (location.hash.replace(/^#/, "") === stateText(this.state)) return;
       Object.assign(this.state, stateFrom(location.hash));
@@ -193,50 +184,13 @@ class Page {
     });
   }
 
-  private key(event: KeyboardEvent): void {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const nudges: Record<string, [number, number, number]> = {
-      ArrowLeft: [-1, 0, 0],
-      ArrowRight: [1, 0, 0],
-      ArrowUp: [0, 1, 0],
-      ArrowDown: [0, -1, 0],
-      "+": [0, 0, 1],
-      "-": [0, 0, -1],
-    };
-    const fadeBy = (by: number): void => {
-      this.state.fade = Math.max(0, Math.min(1, this.state.fade + by));
-      this.changed();
-    };
-    const acts: Record<string, () => void> = {
-      "1": () => this.setMode("orbit"),
-      "2": () => this.setMode("plan"),
-      "3": () => this.setMode("walk"),
-      "4": () => this.setMode("keyframe"),
-      c: () => this.setColoring(colorings[(colorings.indexOf(this.state.coloring) + 1) % colorings.length] ?? "photo"),
-      n: () => this.viewer.step(1),
-      b: () => this.viewer.step(-1),
-      f: () => fadeBy(-0.1),
-      g: () => fadeBy(0.1),
-      d: () => this.measure("distance"),
-      h: () => this.measure("height"),
-      a: () => this.measure("angle"),
-      r: () => this.measure("area"),
-      s: () => this.save(),
-      "0": () => this.setMode(this.state.mode),
-      Escape: () => this.measure(null),
-      Enter: () => this.enterKey(),
-    };
-    const nudge = nudges[event.key];
-    const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
-    if (!nudge && !act) return;
-    event.preventDefault();
-    if (nudge) this.viewer.nudge(...nudge);
-    act?.();
+  fadeBy(by: number): void {
+    this.state.fade = Math.max(0, Math.min(1, this.state.fade + by));
+    this.changed();
   }
 
-  private enterKey(): void {
-    if (this.kind === "area" && this.viewer.pending.length >= 3) this.complete("area");
-    else this.take(this.viewer.canvas.clientWidth / 2, this.viewer.canvas.clientHeight / 2);
+  nextColoring(): void {
+    this.setColoring(colorings[(colorings.indexOf(this.state.coloring) + 1) % colorings.length] ?? "photo");
   }
 
   setMode(mode: Mode): void {
@@ -273,54 +227,7 @@ class Page {
     this.setClip([0, 1, 0, 1, ...(isSlice ? [0, 1] : [0.35, 0.45])]);
   }
 
-  measure(kind: Kind | "note" | null): void {
-    if (kind === "area" && this.kind === "area" && this.viewer.pending.length >= 3) {
-      this.complete("area");
-      return;
-    }
-    this.kind = kind === this.kind ? null : kind;
-    this.viewer.pending = [];
-    const words: Record<string, string> = {
-      distance: "Click two points.",
-      height: "Click two points; what counts is how much higher one is.",
-      angle: "Click three points; the angle is at the second one.",
-      area: "Click the corners, then Area again or Enter.",
-      note: "Click what the note is about.",
-    };
-    this.say(this.kind ? (words[this.kind] ?? "") : "");
-    this.viewer.redraw();
-    this.refresh();
-  }
-
-  private take(x: number, y: number): void {
-    const { kind, viewer } = this;
-    if (!kind) return;
-    const picked: Picked | null = viewer.pick(x, y);
-    if (!picked) {
-      this.say("There is no point here.");
-      return;
-    }
-    if (kind === "note") {
-      const text = window.prompt("Note", "");
-      if (text) this.state.notes.push({ position: picked.position, text: text.slice(0, 200) });
-      this.measure(null);
-      return;
-    }
-    viewer.pending.push(picked);
-    this.say(`${viewer.pending.length} ${viewer.pending.length === 1 ? "point" : "points"} taken.`);
-    if (kind !== "area" && viewer.pending.length === pointsOf[kind]) this.complete(kind);
-    viewer.redraw();
-  }
-
-  private complete(kind: Kind): void {
-    const made = { kind, points: this.viewer.pending };
-    this.viewer.pending = [];
-    this.state.measurements.push(made);
-    this.say(`${kindWords[kind]}: ${this.viewer.result(made).text}`);
-    this.changed();
-  }
-
-  private save(): void {
+  save(): void {
     this.viewer.picture().toBlob((blob) => {
       if (!blob) return;
       const address = URL.createObjectURL(blob);
@@ -342,7 +249,7 @@ class Page {
   private refresh(): void {
     const { state } = this;
     for (const [mode, made] of this.modeButtons) made.setAttribute("aria-pressed", String(mode === state.mode));
-    for (const [kind, made] of this.kindButtons) made.setAttribute("aria-pressed", String(kind === this.kind));
+    this.measuring.refresh();
     this.select.value = state.coloring;
     const atKeyframe = state.mode === "walk" || state.mode === "keyframe";
     byId("flight").hidden = !atKeyframe;

@@ -13,6 +13,7 @@ import { Cloud } from "../src/cloud";
 import { type ReportData, bytesFromBase64, nodePoints } from "../src/data";
 import { type Pose, type Vec3, add, basisAround, cross, dot, fromCamera, mainDirection, norm, panoramaPlace, sub, times, toCamera, unit } from "../src/geometry";
 import { type Kind, type Picked, covarianceOf, pointsOf, resultOf, valueOf } from "../src/measure";
+import { pick } from "../src/pick";
 import { type PotreeNode, potreeFrom, potreePoints } from "../src/potree";
 import { type Eyes, pickedFrom, pixelAt } from "../src/surroundings";
 import { type RangeMap, readRangeMap } from "./range_map";
@@ -186,7 +187,7 @@ function click(at: string, scene: string, streams: boolean): Session {
       view.position.set(...eye);
       view.lookAt(new Vector3(...truth));
       view.updateMatrixWorld();
-      const found = cloud.pick(view, kWidth / 2, kHeight / 2, kWidth, kHeight, 12);
+      const found = pick(cloud, view, kWidth / 2, kHeight / 2, kWidth, kHeight, 12);
       if (!found) continue;
       clicks.push({ place, truth, picked: pickedFrom(cloud, view, found, 0, 0, eyes) });
     }

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// Keys of the picture; words.ts names them for Help.
+import type { Measuring } from "./measuring";
+import type { Mode, ViewState } from "./state";
+import type { Viewer } from "./viewer";
+
+export interface KeyTarget {
+  state: ViewState;
+  viewer: Viewer;
+  measuring: Measuring;
+  setMode: (mode: Mode) => void;
+  nextColoring: () => void;
+  fadeBy: (by: number) => void;
+  save: () => void;
+}
+
+/** Right, up, closer. */
+const nudges: Record<string, [number, number, number]> = {
+  ArrowLeft: [-1, 0, 0],
+  ArrowRight: [1, 0, 0],
+  ArrowUp: [0, 1, 0],
+  ArrowDown: [0, -1, 0],
+  "+": [0, 0, 1],
+  "-": [0, 0, -1],
+};
+
+const acts: Record<string, (page: KeyTarget) => void> = {
+  "1": (page) => page.setMode("orbit"),
+  "2": (page) => page.setMode("plan"),
+  "3": (page) => page.setMode("walk"),
+  "4": (page) => page.setMode("keyframe"),
+  c: (page) => page.nextColoring(),
+  n: ({ viewer }) => viewer.step(1),
+  b: ({ viewer }) => viewer.step(-1),
+  f: (page) => page.fadeBy(-0.1),
+  g: (page) => page.fadeBy(0.1),
+  d: ({ measuring }) => measuring.choose("distance"),
+  h: ({ measuring }) => measuring.choose("height"),
+  a: ({ measuring }) => measuring.choose("angle"),
+  r: ({ measuring }) => measuring.choose("area"),
+  s: (page) => page.save(),
+  "0": (page) => page.setMode(page.state.mode),
+  Escape: ({ measuring }) => measuring.choose(null),
+  Enter: ({ measuring }) => measuring.enter(),
+};
+
+export function listenForKeys(canvas: HTMLCanvasElement, page: KeyTarget): void {
+  canvas.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const nudge = nudges[event.key];
+    const act = acts[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+    if (!nudge && !act) return;
+    event.preventDefault();
+    if (nudge) page.viewer.nudge(...nudge);
+    act?.(page);
+  });
+}
