@@ -32,6 +32,7 @@ using tcp = asio::ip::tcp;
 using ErrorCode = boost::system::error_code;
 
 constexpr std::size_t kChunk = 65536;
+constexpr std::size_t kMinToken = 16, kMaxToken = 128;
 constexpr auto kPollInterval = std::chrono::milliseconds(50);
 
 asio::ip::address address_from(const std::string& text) {
@@ -39,19 +40,6 @@ asio::ip::address address_from(const std::string& text) {
   const asio::ip::address address = asio::ip::make_address(text, error);
   if (!error) return address;
   throw InvalidOption("address \"" + text + "\" is invalid; expected an IP address such as 127.0.0.1 or ::1");
-}
-
-/// Returns 128 random bits of the system.
-std::string new_token() {
-  std::array<unsigned char, 16> bytes{};
-  if (getentropy(bytes.data(), bytes.size()) != 0) {
-    throw OutputError(std::string("random numbers of the system are not available: ") + std::strerror(errno));
-  }
-  std::string token;
-  for (const unsigned char byte : bytes) {
-    for (const int digit : {byte >> 4, byte & 15}) token += "0123456789abcdef"[digit];
-  }
-  return token;
 }
 
 /// Compares in constant time.
@@ -261,7 +249,8 @@ struct HttpServer::Impl {
   Impl(const HttpOptions& options, HttpHandler handler) {
     common.options = options;
     common.handler = std::move(handler);
-    common.token = new_token();
+    common.token = options.token.empty() ? new_token() : options.token;
+    require_token(common.token);
     const tcp::endpoint endpoint(address_from(options.address), options.port);
     try {
       acceptor.open(endpoint.protocol());
@@ -327,6 +316,27 @@ std::string HttpServer::url() const {
   return "http://" + host + ":" + std::to_string(port()) + "/" + impl_->common.token + "/";
 }
 
+std::string new_token() {
+  std::array<unsigned char, 16> bytes{};
+  if (getentropy(bytes.data(), bytes.size()) != 0) {
+    throw OutputError(std::string("random numbers of the system are not available: ") + std::strerror(errno));
+  }
+  std::string token;
+  for (const unsigned char byte : bytes) {
+    for (const int digit : {byte >> 4, byte & 15}) token += "0123456789abcdef"[digit];
+  }
+  return token;
+}
+
+void require_token(const std::string& token) {
+  const bool is_plain = std::all_of(token.begin(), token.end(), [](char c) {
+    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '-' || c == '_';
+  });
+  if (is_plain && token.size() >= kMinToken && token.size() <= kMaxToken) return;
+  throw InvalidOption("the token has " + std::to_string(token.size()) + " characters" +
+                      (is_plain ? "" : ", some invalid ones") + "; expected 16 to 128 letters, digits, '-' and '_'");
+}
+
 bool is_loopback(const std::string& address) { return address_from(address).is_loopback(); }
 
 std::string address_warning(const std::string& address) {
@@ -335,5 +345,15 @@ std::string address_warning(const std::string& address) {
 }
 
 HttpReply not_found() { return plain_reply(404, "not found"); }
+
+HttpReply file_reply(ServedFile file, const std::string& name, const std::string& range_header) {
+  if (!file.descriptor.is_open()) return not_found();
+  HttpReply reply;
+  reply.type = media_type(name);
+  reply.range = range_from(range_header, file.size);
+  if (reply.range) reply.status = reply.range->count > 0 ? 206 : 416;
+  reply.file = std::move(file);
+  return reply;
+}
 
 }  // namespace pmsp::web

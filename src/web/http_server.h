@@ -35,12 +35,12 @@ struct HttpReply {
 /// Returns the reply; nullopt = none yet: called again every 50 ms, until `HttpOptions::long_poll_timeout` has elapsed.
 using HttpHandler = std::function<std::optional<HttpReply>(const HttpRequest&)>;
 
-/// HTTP server for GET and HEAD, with one thread. The first segment of each path must be its random token; other
-/// requests get 404. Memory and number of connections are bounded for any client.
+/// HTTP server for GET and HEAD, with one thread. The first segment of each path must be its token; other requests get
+/// 404. Memory and number of connections are bounded for any client.
 class PMSP_API HttpServer {
  public:
-  /// `handler`: called on the server's thread, must not block. Throws InvalidOption if the address is invalid,
-  /// OutputError if it is not available.
+  /// `handler`: called on the server's thread, must not block. Throws InvalidOption if the address or the
+  /// token is invalid, OutputError if the address is not available.
   HttpServer(const HttpOptions& options, HttpHandler handler);
   ~HttpServer();
   HttpServer(const HttpServer&) = delete;
@@ -54,6 +54,12 @@ class PMSP_API HttpServer {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Returns 128 random bits of the system as a token. Throws OutputError.
+PMSP_API std::string new_token();
+
+/// Throws InvalidOption unless it is valid, see HttpOptions::token; the message does not contain it.
+PMSP_API void require_token(const std::string& token);
+
 /// Whether the address is reachable from this computer only. Throws InvalidOption if it is invalid.
 PMSP_API bool is_loopback(const std::string& address);
 
@@ -61,5 +67,8 @@ PMSP_API bool is_loopback(const std::string& address);
 PMSP_API std::string address_warning(const std::string& address);
 
 PMSP_API HttpReply not_found();
+
+/// Returns the file, or the part of it that a Range header selects; not_found if it is not open. `name`: for its type.
+PMSP_API HttpReply file_reply(ServedFile file, const std::string& name, const std::string& range_header);
 
 }  // namespace pmsp::web

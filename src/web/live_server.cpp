@@ -5,16 +5,19 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <random>
 #include <thread>
 #include <utility>
 
 #include <nlohmann/json.hpp>
 
+#include "export/little_endian.h"
 #include "pmsp/error.h"
 #include "pmsp/version.h"
 #include "util/number_from.h"
 #include "web/http_server.h"
 #include "web/live_block.h"
+#include "web/live_photos.h"
 #include "web/page.h"
 
 namespace pmsp {
@@ -25,6 +28,8 @@ using namespace web;
 using Clock = std::chrono::steady_clock;
 
 constexpr std::size_t kMaxBlocks = 32;
+constexpr std::size_t kMaxLandmarks = 20'000;
+constexpr std::size_t kMaxPhotoBytes = std::size_t{256} << 20;
 /// Time without requests after which a client is assumed to be closed.
 constexpr auto kClientTimeout = std::chrono::seconds(15);
 constexpr std::size_t kMaxClients = 64;
@@ -40,16 +45,56 @@ HttpReply reply_of(std::string body, const char* type) {
 
 nlohmann::ordered_json vector_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
+/// Random, so that pages of an earlier server at the same address reload.
+std::uint64_t first_page_version() {
+  std::random_device random;
+  return (std::uint64_t{random() & 0xFFFFU} << 32U) + random() + 1;
+}
+
+std::int64_t points_of(const LiveSnapshot& snapshot) {
+  std::int64_t points = 0;
+  for (const LiveCloud& cloud : snapshot.clouds) points += static_cast<std::int64_t>(cloud.cloud->points.size());
+  return points;
+}
+
+/// Landmarks as the page receives them.
+struct LandmarkBlock {
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();  ///< of the positions
+  std::string bytes;                                 ///< positions from the centre, 3 x 32 bits each
+};
+
+LandmarkBlock block_of(const std::vector<Eigen::Vector3d>& positions) {
+  const std::size_t all = positions.size(), count = std::min(all, kMaxLandmarks);
+  LandmarkBlock block;
+  for (std::size_t i = 0; i < count; ++i) block.center += positions[i * all / count] / static_cast<double>(count);
+  block.bytes.reserve(12 * count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const Eigen::Vector3f position = (positions[i * all / count] - block.center).cast<float>();
+    for (int k = 0; k < 3; ++k) append_little(block.bytes, position[k]);
+  }
+  return block;
+}
+
 }  // namespace
 
 struct LiveServer::Impl {
   Impl(const HttpOptions& options, LiveSource source)
       : source_(std::move(source)),
+        photos_(options.nice, kMaxPhotoBytes,
+                [this](std::int64_t id) {
+                  const std::lock_guard<std::mutex> lock(mutex_);
+                  photo_versions_[id] = ++state_version_;
+                  newest_photo_ = id;
+                }),
         server_(std::make_unique<HttpServer>(options, [this](const HttpRequest& request) { return answer(request); })) {
   }
 
   void set_page(LivePage page, std::vector<TrajectoryPose> trajectory);
   void set_camera(const RigidTransform& cam_from_world);
+  void set_landmarks(std::vector<Eigen::Vector3d> positions);
+  void add_photo(std::int64_t id, LiveImage image) { photos_.add(id, std::move(image)); }
+  void set_progress(LiveProgress progress);
+  void set_report(const std::filesystem::path& report, std::vector<std::string> beside);
   void finish(std::chrono::milliseconds at_most);
   std::string url() const { return server_->url(); }
 
@@ -67,7 +112,11 @@ struct LiveServer::Impl {
   std::optional<HttpReply> changes(const HttpRequest& request);
   void add_client(std::uint64_t number);
   HttpReply points(std::int64_t id, LiveVersion version);
-  Json changes_json(const LiveChanges& changes, const State& state, std::uint64_t state_version) const;
+  HttpReply landmarks(std::uint64_t version);
+  HttpReply photo(std::int64_t id) const;
+  HttpReply report_file(const HttpRequest& request) const;
+  Json changes_json(const LiveChanges& changes, const State& state, std::uint64_t state_version,
+                    std::int64_t total_points) const;
   Json matrix_json(const KeyframePose& pose) const;
   Json center_json(const Eigen::Vector3d& center) const;
 
@@ -77,9 +126,17 @@ struct LiveServer::Impl {
   std::vector<TrajectoryPose> trajectory_;
   std::optional<RigidTransform> camera_;  ///< cam_from_world
   bool is_done_ = false;
-  std::uint64_t page_version_ = 1;        ///< pages of an earlier version reload
-  std::uint64_t state_version_ = 1;       ///< incremented by changes of page, trajectory, camera and end
-  std::uint64_t trajectory_version_ = 1;  ///< `state_version_` at its last change
+  std::uint64_t page_version_ = first_page_version();  ///< pages of other versions reload
+  std::uint64_t state_version_ = 1;                    ///< incremented by changes of page, trajectory, camera and end
+  std::uint64_t trajectory_version_ = 1;               ///< `state_version_` at its last change
+  LiveProgress progress_;
+  LandmarkBlock landmarks_;
+  std::uint64_t landmarks_version_ = 0;                   ///< `state_version_` at their last change; 0 = none
+  std::map<std::int64_t, std::uint64_t> photo_versions_;  ///< `state_version_` at the last photo of each keyframe
+  std::int64_t newest_photo_ = 0;
+  std::string report_;                     ///< name of its file; "" = none
+  std::vector<std::string> served_names_;  ///< the report and what is beside it
+  std::shared_ptr<const ServedFolder> report_folder_;
   /// Page that polls for changes.
   struct Client {
     std::chrono::steady_clock::time_point last_request;
@@ -89,6 +146,7 @@ struct LiveServer::Impl {
   std::optional<std::chrono::steady_clock::time_point> last_answer_;
   /// By keyframe and version of its points; the newest ones requested.
   std::map<std::pair<std::int64_t, LiveVersion>, std::shared_ptr<const std::string>> blocks_;
+  LivePhotos photos_;                   ///< its thread uses the members above
   std::unique_ptr<HttpServer> server_;  ///< last member: its thread uses the others
 };
 
@@ -108,6 +166,14 @@ void LiveServer::set_page(LivePage page, std::vector<TrajectoryPose> trajectory)
   impl_->set_page(std::move(page), std::move(trajectory));
 }
 void LiveServer::set_camera(const RigidTransform& cam_from_world) { impl_->set_camera(cam_from_world); }
+void LiveServer::set_landmarks(std::vector<Eigen::Vector3d> positions) { impl_->set_landmarks(std::move(positions)); }
+void LiveServer::add_photo(std::int64_t keyframe_id, LiveImage image) {
+  impl_->add_photo(keyframe_id, std::move(image));
+}
+void LiveServer::set_progress(LiveProgress progress) { impl_->set_progress(std::move(progress)); }
+void LiveServer::set_report(const std::filesystem::path& report, std::vector<std::string> beside) {
+  impl_->set_report(report, std::move(beside));
+}
 void LiveServer::finish(std::chrono::milliseconds at_most) { impl_->finish(at_most); }
 
 void LiveServer::Impl::set_page(LivePage page, std::vector<TrajectoryPose> trajectory) {
@@ -124,6 +190,30 @@ void LiveServer::Impl::set_page(LivePage page, std::vector<TrajectoryPose> traje
 void LiveServer::Impl::set_camera(const RigidTransform& cam_from_world) {
   const std::lock_guard<std::mutex> lock(mutex_);
   camera_ = cam_from_world;
+  ++state_version_;
+}
+
+void LiveServer::Impl::set_landmarks(std::vector<Eigen::Vector3d> positions) {
+  LandmarkBlock block = block_of(positions);
+  const std::lock_guard<std::mutex> lock(mutex_);
+  landmarks_ = std::move(block);
+  landmarks_version_ = ++state_version_;
+}
+
+void LiveServer::Impl::set_progress(LiveProgress progress) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  progress_ = std::move(progress);
+  ++state_version_;
+}
+
+void LiveServer::Impl::set_report(const std::filesystem::path& report, std::vector<std::string> beside) {
+  const std::filesystem::path whole = std::filesystem::absolute(report);
+  auto folder = std::make_shared<const ServedFolder>(whole.parent_path());
+  const std::lock_guard<std::mutex> lock(mutex_);
+  report_ = whole.filename().string();
+  served_names_ = std::move(beside);
+  served_names_.push_back(report_);
+  report_folder_ = std::move(folder);
   ++state_version_;
 }
 
@@ -157,6 +247,14 @@ std::optional<HttpReply> LiveServer::Impl::answer(const HttpRequest& request) {
     const auto id = number_from<std::int64_t>(path[2]);
     const auto version = number_from<LiveVersion>(path[3]);
     reply = id && version ? points(*id, *version) : not_found();
+  } else if (path.size() == 3 && path[0] == "live" && path[1] == "landmarks") {
+    const auto version = number_from<std::uint64_t>(path[2]);
+    reply = version ? landmarks(*version) : not_found();
+  } else if (path.size() == 3 && path[0] == "live" && path[1] == "photos") {
+    const auto id = number_from<std::int64_t>(path[2]);
+    reply = id ? photo(*id) : not_found();
+  } else if (path.size() > 1 && path[0] == "report") {
+    reply = report_file(request);
   } else {
     reply = not_found();
   }
@@ -190,7 +288,7 @@ HttpReply LiveServer::Impl::page() const {
     json[none] = Json::array();
   json["pixel"] = 0.01;
   json["notes"] = {"The page shows points while they are computed: at most " + std::to_string(kMaxLivePoints) +
-                   " of each keyframe. A report (--report) contains all points."};
+                   " of each keyframe. A report (--report) contains more."};
   json["live_page_version"] = page_version_;
   const std::string data = "<script type=\"application/json\" id=\"pmsp-data\">" + script_json(json) + "</script>\n";
   const auto [before, after] = page_around_data(true);
@@ -213,9 +311,10 @@ std::optional<HttpReply> LiveServer::Impl::changes(const HttpRequest& request) {
   if (may_wait && source_.snapshot()->version == since) return std::nullopt;
   const LiveChanges changes = source_.changes_since(since);
   if (may_wait && changes.empty()) return std::nullopt;
+  const std::int64_t total_points = source_.total_points ? source_.total_points() : points_of(*source_.snapshot());
   const std::lock_guard<std::mutex> lock(mutex_);
   clients_[client].received_end = state.is_done;
-  return reply_of(changes_json(changes, state, state_version).dump(), "application/json");
+  return reply_of(changes_json(changes, state, state_version, total_points).dump(), "application/json");
 }
 
 /// Records a request of a page.
@@ -229,7 +328,7 @@ void LiveServer::Impl::add_client(std::uint64_t number) {
 }
 
 nlohmann::ordered_json LiveServer::Impl::changes_json(const LiveChanges& changes, const State& state,
-                                                      std::uint64_t state_version) const {
+                                                      std::uint64_t state_version, std::int64_t total_points) const {
   Json json{{"page_version", state.page_version},
             {"version", changes.to},
             {"state_version", state.state_version},
@@ -246,6 +345,20 @@ nlohmann::ordered_json LiveServer::Impl::changes_json(const LiveChanges& changes
   json["removed"] = Json::array();
   for (const std::int64_t id : changes.removed) json["removed"].push_back(std::to_string(id));
   if (camera_) json["camera"] = matrix_json({*camera_, 1.0});
+  json["total_points"] = total_points;
+  if (!progress_.stage.empty()) json["stage"] = progress_.stage;
+  if (progress_.share >= 0.0) json["share"] = progress_.share;
+  if (progress_.seconds_left >= 0.0) json["seconds_left"] = progress_.seconds_left;
+  if (!report_.empty()) json["report"] = "report/" + relative_address(report_).substr(2);
+  if (landmarks_version_ > (changes.reset ? 0 : state_version)) {
+    Json matrix = matrix_json({RigidTransform{Eigen::Matrix3d::Identity(), -landmarks_.center}, 1.0});
+    json["landmarks"] = {{"version", landmarks_version_}, {"matrix", std::move(matrix)}};
+  }
+  json["photos"] = Json::array();
+  for (const auto& [id, version] : photo_versions_) {
+    if (version > state_version) json["photos"].push_back(std::to_string(id));
+  }
+  if (!photo_versions_.empty()) json["newest_photo"] = std::to_string(newest_photo_);
   if (!changes.reset && state_version >= trajectory_version_) return json;
   json["trajectory"] = Json::array();
   for (const TrajectoryPose& pose : trajectory_) {
@@ -299,6 +412,32 @@ HttpReply LiveServer::Impl::points(std::int64_t id, LiveVersion version) {
     blocks_.erase(oldest);
   }
   return reply;
+}
+
+HttpReply LiveServer::Impl::landmarks(std::uint64_t version) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (version == 0 || version != landmarks_version_) return not_found();
+  return reply_of(landmarks_.bytes, "application/octet-stream");
+}
+
+HttpReply LiveServer::Impl::photo(std::int64_t id) const {
+  HttpReply reply;
+  reply.type = "image/jpeg";
+  reply.body = photos_.find(id);
+  if (!reply.body) return not_found();
+  return reply;
+}
+
+/// Opens only names that belong to the report.
+HttpReply LiveServer::Impl::report_file(const HttpRequest& request) const {
+  const std::vector<std::string> path(request.path.begin() + 1, request.path.end());
+  std::shared_ptr<const ServedFolder> folder;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (std::find(served_names_.begin(), served_names_.end(), path.front()) == served_names_.end()) return not_found();
+    folder = report_folder_;
+  }
+  return file_reply(folder->open(path), path.back(), request.range);
 }
 
 }  // namespace pmsp

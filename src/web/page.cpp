@@ -12,9 +12,12 @@ bool has_report_page() { return std::string(kPageTemplate).find(kDataMark) != st
 
 std::pair<std::string, std::string> page_around_data(bool connects) {
   std::string page = kPageTemplate;
-  const std::string none = "default-src 'none';";
-  const std::size_t at = page.find(none);
-  if (connects && at != std::string::npos) page.insert(at + none.size(), " connect-src 'self';");
+  const std::string none = "default-src 'none';", images = "img-src ";
+  if (connects) {
+    if (const std::size_t at = page.find(images); at != std::string::npos) page.insert(at + images.size(), "'self' ");
+    if (const std::size_t at = page.find(none); at != std::string::npos)
+      page.insert(at + none.size(), " connect-src 'self';");
+  }
   const std::size_t mark = page.find(kDataMark);
   return {page.substr(0, mark), page.substr(mark + std::string(kDataMark).size())};
 }

@@ -17,7 +17,7 @@ extern const char* const kPageTemplate;
 PMSP_API bool has_report_page();
 
 /// Returns the parts of the page before and after its data, which are HTML. `connects`: whether its content security
-/// policy allows requests to its own origin; others are never allowed.
+/// policy allows requests and images of its own origin; others are never allowed.
 PMSP_API std::pair<std::string, std::string> page_around_data(bool connects);
 
 /// Returns JSON for a script element of a page: no string in it can end the element. Invalid UTF-8 is replaced.

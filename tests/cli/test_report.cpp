@@ -83,6 +83,35 @@ TEST_CASE("a report of a workspace covers the whole mission") {
   }
 }
 
+TEST_CASE("photos of all keyframes are written beside a report, and kept by a later run of a workspace") {
+  if (!pmsp::web::has_report_page()) return;
+  const TempDir dir;
+  const auto report = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> words{"--report", (dir / "r.html").string(), "--report-photos",
+                                   (dir / "of it" / "photos").string()};
+    words.insert(words.end(), more.begin(), more.end());
+    const Result result = densify(quick_run(dir / "c.ply", words));
+    INFO(result.err);
+    REQUIRE(result.code == 0);
+    return read_text(dir / "r.html");
+  };
+  const auto check = [&](const std::string& page, bool all) {
+    CHECK_THAT(page, Contains("img-src 'self' data:") && Contains("connect-src 'self'"));
+    const ordered_json data = data_of(page);
+    CHECK(data["keyframes"].size() > 3);
+    for (const ordered_json& keyframe : data["keyframes"]) {
+      if (!all && keyframe["use"] != "depth map") continue;  // whose image is not read
+      const std::string id = std::to_string(keyframe["id"].get<std::int64_t>());
+      CHECK(keyframe["photo"] == "./of%20it/photos/" + id + ".jpg");
+      CHECK(read_text(dir / "of it" / "photos" / (id + ".jpg")).substr(0, 2) == "\xff\xd8");
+    }
+  };
+  std::filesystem::create_directory(dir / "of it");
+  check(report({"--workspace", (dir / "work").string()}), false);
+  check(report({"--workspace", (dir / "work").string(), "--force"}), false);
+  check(report({"--force"}), true);
+}
+
 TEST_CASE("an unwritable report is refused before any work") {
   if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
@@ -90,6 +119,12 @@ TEST_CASE("an unwritable report is refused before any work") {
   CHECK(densify(quick_run(dir / "c.ply", {"--report", (dir / "c.ply").string()})).code == 2);
   CHECK(densify(quick_run(dir / "c.ply", {"--report-points", "5000001"})).code == 2);
   CHECK(densify(quick_run(dir / "c.ply", {"--report-panoramas", "-1"})).code == 2);
+  CHECK(densify(quick_run(dir / "c.ply", {"--report-photos", (dir / "p").string()})).code == 2);
+  const auto photos = [&](const std::string& folder) {
+    return densify(quick_run(dir / "c.ply", {"--report", (dir / "r.html").string(), "--report-photos", folder})).code;
+  };
+  CHECK(photos(dir.path().parent_path().string()) == 2);
+  CHECK(photos(dir.path().string()) == 2);
   CHECK(dir.entries() == 0);
 }
 

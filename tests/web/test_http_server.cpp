@@ -134,6 +134,24 @@ TEST_CASE("a response may be deferred until a timeout") {
   CHECK(wrong.body.find("secret") == std::string::npos);
 }
 
+TEST_CASE("a given token is that of each server, and invalid ones are refused") {
+  HttpOptions options;
+  options.token = "my-Token_0123456";
+  for (int i = 0; i < 2; ++i) {
+    const HttpServer server(options, [](const HttpRequest&) { return text_reply("here"); });
+    CHECK(path_of(server.url()) == "/my-Token_0123456/");
+    CHECK(get(server.port(), "/my-Token_0123456/").body == "here");
+    CHECK(get(server.port(), "/my-Token_0123455/").status == 404);
+    CHECK(get(server.port(), "/my-Token_01234567/").status == 404);
+    CHECK(get(server.port(), "/my-token_0123456/").status == 404);
+  }
+  for (const std::string& token : {std::string("short"), std::string(129, 'a'), std::string("0123456789abcde/"),
+                                   std::string("0123456789abcde.")}) {
+    options.token = token;
+    CHECK_THROWS_AS(HttpServer(options, [](const HttpRequest&) { return not_found(); }), pmsp::InvalidOption);
+  }
+}
+
 TEST_CASE("addresses are checked") {
   CHECK(is_loopback("127.0.0.1"));
   CHECK(is_loopback("::1"));

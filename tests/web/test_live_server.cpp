@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <atomic>
+#include <fstream>
 #include <thread>
 
 #include <catch2/catch.hpp>
@@ -11,6 +12,7 @@
 #include "live_view.h"
 #include "pmsp/web.h"
 #include "report_page.h"
+#include "support/temp_dir.h"
 #include "web/client.h"
 #include "web/live_block.h"
 #include "web/page.h"
@@ -54,11 +56,15 @@ HttpOptions short_polls() {
 /// The clouds of a page.
 struct Looked {
   explicit Looked(const std::string& url)
-      : port(static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1)))), root(path_of(url)) {}
+      : port(static_cast<std::uint16_t>(std::stoi(url.substr(url.rfind(':') + 1)))), root(path_of(url)) {
+    const std::string key = "\"live_page_version\":";
+    const std::string html = get(port, root).body;
+    page_version = std::stoull(html.substr(html.find(key) + key.size()));
+  }
 
   json ask() {
-    const Reply reply = get(port, root + "live/changes?page_version=1&since=" + std::to_string(since) +
-                                      "&state_version=" + std::to_string(state_version));
+    const Reply reply = get(port, root + "live/changes?page_version=" + std::to_string(page_version) + "&since=" +
+                                      std::to_string(since) + "&state_version=" + std::to_string(state_version));
     REQUIRE(reply.status == 200);
     const json changes = json::parse(reply.body);
     since = changes["version"];
@@ -71,7 +77,7 @@ struct Looked {
 
   std::uint16_t port;
   std::string root;
-  std::uint64_t since = 0, state_version = 0;
+  std::uint64_t since = 0, state_version = 0, page_version = 0;
 };
 
 /// A map served by LiveServer.
@@ -217,14 +223,138 @@ TEST_CASE("a page receives the trajectory again after a reset, and an empty one"
 TEST_CASE("pages reload if their metadata or upward direction changes") {
   if (!has_report_page()) return;
   ServedMap it;
+  const std::uint64_t first = it.page.page_version;
   it.server.set_page({}, {});
-  CHECK(it.page.ask()["page_version"] == 1);
+  CHECK(it.page.ask()["page_version"] == first);
   it.server.set_page({}, {{1, {}}});  // the upward direction is known from here on
-  CHECK(it.page.ask()["page_version"] == 2);
+  CHECK(it.page.ask()["page_version"] == first + 1);
   it.server.set_page({}, {{1, {}}, {2, {}}});
-  CHECK(it.page.ask()["page_version"] == 2);
+  CHECK(it.page.ask()["page_version"] == first + 1);
   it.server.set_page({"another title", "", {}}, {{1, {}}});
-  CHECK(it.page.ask()["page_version"] == 3);
+  CHECK(it.page.ask()["page_version"] == first + 2);
+}
+
+TEST_CASE("pages of an earlier server at the same address reload") {
+  if (!has_report_page()) return;
+  HttpOptions options = short_polls();
+  options.token = "0123456789abcdef";
+  std::uint64_t before = 0;
+  {
+    const ServedMap first(options);
+    before = first.page.page_version;
+    options.port = first.page.port;
+  }
+  ServedMap second(options);
+  CHECK(second.page.page_version != before);
+  second.page.since = 77;  // as a page of the first one
+  second.page.page_version = before;
+  CHECK(second.page.ask()["page_version"] != before);
+}
+
+TEST_CASE("a page receives landmarks before any points, and their changes") {
+  if (!has_report_page()) return;
+  ServedMap it;
+  LivePage page;
+  page.file_from_map.scale = 2.0;
+  it.server.set_page(page, {});
+  CHECK(it.page.ask().count("landmarks") == 0);
+  it.server.set_landmarks({{1e6, 1.0, 2.0}, {1e6 + 1.0, 3.0, 4.0}});
+  json changes = it.page.ask();
+  const std::vector<double> matrix = changes["landmarks"]["matrix"];
+  CHECK(matrix == std::vector<double>{2.0, 0.0, 0.0, 2e6 + 1.0, 0.0, 2.0, 0.0, 4.0, 0.0, 0.0, 2.0, 6.0});
+  const std::uint64_t first = changes["landmarks"]["version"];
+  const auto ask = [&](std::uint64_t version) {
+    return get(it.page.port, it.page.root + "live/landmarks/" + std::to_string(version));
+  };
+  const Reply block = ask(first);
+  REQUIRE(block.body.size() == 2 * 12);
+  CHECK(get_little<float>(block.body.data()) == -0.5F);
+  CHECK(get_little<float>(block.body.data() + 16) == 1.0F);
+  CHECK(it.page.ask().count("landmarks") == 0);
+  it.server.set_landmarks(std::vector<Eigen::Vector3d>(500'000, Eigen::Vector3d::Zero()));
+  const std::uint64_t second = it.page.ask()["landmarks"]["version"];
+  CHECK(ask(second).body.size() == 20'000 * 12);
+  CHECK(ask(first).status == 404);
+  it.map.reset();
+  CHECK(it.page.ask()["landmarks"]["version"] == second);
+}
+
+TEST_CASE("a page receives the photos of keyframes, the newest one by name") {
+  if (!has_report_page()) return;
+  ServedMap it;
+  CHECK(it.page.ask()["photos"].empty());
+  const auto pixels = std::make_shared<std::vector<std::uint8_t>>(2048 * 1024 * 3, 200);
+  const auto receive = [&](const std::string& id) {
+    json changes = it.page.ask();
+    for (int i = 0; i < 300 && changes["photos"] != json({id}); ++i) changes = it.page.ask();
+    CHECK(changes["photos"] == json({id}));
+    CHECK(changes["newest_photo"] == id);
+  };
+  it.server.add_photo(7, {pixels, pixels->data(), 2048, 1024});
+  receive("7");
+  it.server.add_photo(3, {pixels, pixels->data(), 2048, 1024});
+  receive("3");
+  const Reply photo = get(it.page.port, it.page.root + "live/photos/7");
+  CHECK_THAT(photo.head, Contains("Content-Type: image/jpeg"));
+  CHECK(photo.body.substr(0, 2) == "\xff\xd8");
+  CHECK(get(it.page.port, it.page.root + "live/photos/8").status == 404);
+  it.map.reset();
+  CHECK(it.page.ask()["photos"] == json::array());  // the server's are still those
+}
+
+TEST_CASE("a page receives progress and the number of all points") {
+  if (!has_report_page()) return;
+  ServedMap it;
+  json changes = it.page.ask();
+  CHECK(changes.count("share") == 0);
+  CHECK(changes["total_points"] == 0);
+  it.publish(1);
+  it.server.set_progress({"densify", 0.25, 90.0});
+  changes = it.page.ask();
+  CHECK(changes["stage"] == "densify");
+  CHECK(changes["share"] == 0.25);
+  CHECK(changes["seconds_left"] == 90.0);
+  CHECK(changes["total_points"] == 3);
+  it.server.set_progress({"writing"});
+  changes = it.page.ask();
+  CHECK(changes["stage"] == "writing");
+  CHECK(changes.count("share") + changes.count("seconds_left") == 0);
+}
+
+TEST_CASE("of the directory of a report only what belongs to it is served") {
+  if (!has_report_page()) return;
+  const TempDir dir;
+  const auto put = [&](const std::string& name, const std::string& text) {
+    std::filesystem::create_directories((dir / name).parent_path());
+    std::ofstream(dir / name) << text;
+  };
+  put("out/my report.html", "page");
+  put("out/photos/7.jpg", "photo");
+  put("out/photos/.key", "secret");
+  put("out/private.txt", "secret");
+  put("outside.txt", "secret");
+  std::filesystem::create_symlink(dir / "outside.txt", dir / "out/photos/link");
+  ServedMap it;
+  CHECK(it.page.ask().count("report") == 0);
+  const auto ask = [&](const std::string& target, const std::string& headers = "") {
+    return get(it.page.port, it.page.root + target, headers);
+  };
+  CHECK(ask("report/my%20report.html").status == 404);
+  it.server.set_report(dir / "out/my report.html", {"photos"});
+  const std::string address = it.page.ask()["report"];
+  CHECK(address == "report/my%20report.html");
+  CHECK(ask(address).body == "page");
+  CHECK_THAT(ask(address).head, Contains("Content-Type: text/html"));
+  CHECK(ask("report/photos/7.jpg", "Range: bytes=1-2\r\n").body == "ho");
+  for (const char* target :
+       {"report", "report/", "report/private.txt", "report/photos", "report/photos/", "report/photos/.key",
+        "report/photos/link", "report/photos/../private.txt", "report/photos/%2e%2e/private.txt",
+        "report/..%2foutside.txt", "report/../outside.txt", "private.txt", "my%20report.html"}) {
+    INFO(target);
+    CHECK(ask(target).status == 404);
+  }
+  CHECK(get(it.page.port, "/report/my%20report.html").status == 404);
+  CHECK_THROWS_AS(it.server.set_report(dir / "none" / "r.html"), IoError);
 }
 
 TEST_CASE("a live page that is not in the build is refused") {
@@ -235,16 +365,18 @@ TEST_CASE("a live page that is not in the build is refused") {
 TEST_CASE("unknown paths of a live page give 404") {
   if (!has_report_page()) return;
   ServedMap it;
-  for (const char* target :
-       {"live", "live/", "live/points/7", "live/points/x/1", "live/points/7/-1", "live/points/7/1/2",
-        "live/points/99999999999999999999/1", "live/other", "index.html", "live%2fchanges"}) {
+  for (const char* target : {"live", "live/", "live/points/7", "live/points/x/1", "live/points/7/-1",
+                             "live/points/7/1/2", "live/points/99999999999999999999/1", "live/other", "index.html",
+                             "live%2fchanges", "live/landmarks", "live/landmarks/0", "live/landmarks/x", "live/photos",
+                             "live/photos/7", "live/photos/7/1", "live/photos/..%2f7", "report/mission.html"}) {
     INFO(target);
     CHECK(get(it.page.port, it.page.root + target).status == 404);
   }
   CHECK(get(it.page.port, it.page.root + "live/changes?since=x&state_version=").status == 200);
   CHECK(get(it.page.port, "/live/changes").status == 404);
   const Reply page = get(it.page.port, it.page.root);
-  CHECK_THAT(page.body, Contains("default-src 'none'; connect-src 'self';") && Contains("\"live_page_version\":1"));
+  CHECK_THAT(page.body, Contains("default-src 'none'; connect-src 'self';") && Contains("img-src 'self' data: blob:") &&
+                            Contains("\"live_page_version\":"));
 }
 
 TEST_CASE("a second run moves clouds that it keeps and drops the others") {
@@ -263,6 +395,7 @@ TEST_CASE("a second run moves clouds that it keeps and drops the others") {
   REQUIRE(changes["clouds"].size() == 2);
   const std::uint64_t version = changes["clouds"][0]["points_version"];
   CHECK(page.points(1, version).body.size() == 32 + 13 * kMaxLivePoints);
+  CHECK(changes["total_points"] == 100'010);
   view.begin(map, {});
   a.cam_from_world.translation = {0.0, 0.0, 5.0};
   view.add(a);
@@ -273,6 +406,7 @@ TEST_CASE("a second run moves clouds that it keeps and drops the others") {
   CHECK(changes["clouds"][0]["points_version"] == version);
   CHECK(changes["clouds"][0]["matrix"][11] == -5.0);
   CHECK(changes["removed"] == json({"2"}));
+  CHECK(changes["total_points"] == 100'000);
 }
 
 TEST_CASE("a thinned cloud is an even share") {

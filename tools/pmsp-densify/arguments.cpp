@@ -238,6 +238,15 @@ void add_live_options(CLI::App& run, LiveArguments& a) {
          "[default 127.0.0.1]")
       ->type_name("A")
       ->group(group);
+  run.add_option(
+         "--live-token", a.token_file,
+         "File with the token of the page's address, 16 to 128 letters, digits, - and _, for an address that stays the "
+         "same; a missing file is created, with a random token [default: a new token in each run]")
+      ->type_name("FILE")
+      ->group(group);
+  run.add_flag("--live-keep", a.keep,
+               "Keep the page of --live-view after the run, until Ctrl-C; it links to the report (--report)")
+      ->group(group);
 }
 
 ProgressMode progress_mode(const std::string& name) {
@@ -379,6 +388,8 @@ void check_fuse(Arguments& a) {
 
 void check_live(const LiveArguments& a, bool is_shard) {
   web::is_loopback(a.address);  // or it is none
+  if (!a.port && !a.token_file.empty()) throw UsageError("--live-token needs --live-view PORT");
+  if (!a.port && a.keep) throw UsageError("--live-keep needs --live-view PORT");
   if (!a.port) return;
   require_report_page("--live-view");
   if (is_shard) throw UsageError("a shard makes no cloud; leave --live-view out");
@@ -519,7 +530,7 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   if (a.verb == Verb::kInfo && a.map.empty()) throw UsageError("MAP is missing: pmsp-densify info MAP");
   if (a.verb == Verb::kRun || a.verb == Verb::kInfo) check_run(a);
   if (a.verb == Verb::kFuse) check_fuse(a);
-  if (!a.report.path.empty()) require_report_page("--report");
+  check_report(a.report);
   if (!a.report.unit.empty()) check_unit("--report-unit", a.report.unit, unit_of_frame(a.cloud.frame));
   if (a.verb == Verb::kRun || a.verb == Verb::kInfo) {
     check_live(a.live, a.shard.has_value());

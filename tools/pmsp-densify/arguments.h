@@ -32,13 +32,16 @@ struct ReportArguments {
   std::filesystem::path path;  ///< empty = no report
   std::int64_t points = 1'000'000;
   int panoramas = 12;
-  std::string unit;  ///< name of the cloud's unit; "" = from the cloud
+  std::filesystem::path photos;  ///< of all keyframes; empty = none
+  std::string unit;              ///< name of the cloud's unit; "" = from the cloud
 };
 
 /// Live page of a run.
 struct LiveArguments {
   std::optional<std::uint16_t> port;  ///< nullopt = no live page
   std::string address = "127.0.0.1";
+  std::filesystem::path token_file;  ///< empty = new random token
+  bool keep = false;                 ///< after the run, until a signal
 };
 
 /// Parsed command line.

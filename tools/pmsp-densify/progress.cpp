@@ -105,6 +105,9 @@ void Progress::warn(const std::string& text) {
 }
 
 void Progress::stage(const std::string& name) {
+  stage_ = name;
+  last_observed_ = {};
+  observe(-1.0, -1.0);
   if (mode_ == ProgressMode::kJson) return emit({{"event", "stage"}, {"stage", name}});
   if (mode_ == ProgressMode::kNone) return;
   if (mode_ != ProgressMode::kBar) return tell(name);
@@ -126,6 +129,14 @@ double Progress::seconds_left(double share) {
   return std::chrono::duration<double>(now - start_).count() * std::max(1.0 - share, 0.0) / done;
 }
 
+void Progress::observe(double share, double seconds_left) {
+  constexpr double kSeconds = 0.5;
+  const Clock::time_point now = Clock::now();
+  if (!observer_ || std::chrono::duration<double>(now - last_observed_).count() < kSeconds) return;
+  last_observed_ = now;
+  observer_(stage_, share, seconds_left);
+}
+
 bool Progress::is_due(double seconds) {
   const Clock::time_point now = Clock::now();
   if (std::chrono::duration<double>(now - last_output_).count() < seconds) return false;
@@ -135,6 +146,8 @@ bool Progress::is_due(double seconds) {
 
 void Progress::step(const ProgressStep& step) {
   const double left = seconds_left(step.run_progress.share);
+  stage_ = step.stage;
+  observe(step.run_progress.share, left);
   last_output_ = Clock::now();
   if (mode_ == ProgressMode::kJson) {
     nlohmann::ordered_json event{{"event", "keyframe"},
@@ -161,11 +174,12 @@ void Progress::step(const ProgressStep& step) {
 void Progress::run_progress(const RunProgress& run_progress, bool is_end) {
   constexpr double kBarSeconds = 0.1, kJsonSeconds = 1.0, kLineSeconds = 10.0;
   const bool has_bar = mode_ == ProgressMode::kBar && !verbose_;
+  const double left = seconds_left(run_progress.share);
+  observe(run_progress.share, left);
   if (mode_ == ProgressMode::kNone) return;
   const bool skips_message = is_end && mode_ == ProgressMode::kJson;
   if (!skips_message && !is_due(has_bar ? kBarSeconds : mode_ == ProgressMode::kJson ? kJsonSeconds : kLineSeconds))
     return;
-  const double left = seconds_left(run_progress.share);
   if (mode_ == ProgressMode::kJson) {
     nlohmann::ordered_json event{{"event", "progress"}};
     event.update(standing_json(run_progress, left));

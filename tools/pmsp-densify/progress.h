@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -69,6 +70,10 @@ class Progress {
   /// Stage of some duration without steps: "writing cloud.ply".
   void stage(const std::string& name);
 
+  /// Also reports stages, and progress at most twice a second, to `observer`. `share`, `seconds_left` < 0: unknown.
+  using Observer = std::function<void(const std::string& stage, double share, double seconds_left)>;
+  void set_observer(Observer observer) { observer_ = std::move(observer); }
+
   /// For programs only.
   void event(const nlohmann::ordered_json& event);
 
@@ -80,6 +85,7 @@ class Progress {
   void warn(const std::string& text);
   void emit(const nlohmann::ordered_json& event);
   double seconds_left(double share);
+  void observe(double share, double seconds_left);
   bool is_due(double seconds);
   void draw_bar(const RunProgress& run_progress, double seconds_left);
   void clear_bar();
@@ -94,7 +100,9 @@ class Progress {
   using Clock = std::chrono::steady_clock;
   bool started_ = false;
   double share_at_start_ = 0.0;
-  Clock::time_point start_, last_output_;
+  Clock::time_point start_, last_output_, last_observed_;
+  Observer observer_;
+  std::string stage_;  ///< current one
 };
 
 /// Returns "1 h 02 min", "3 min 05 s", "12 s".

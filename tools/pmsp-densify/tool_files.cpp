@@ -11,6 +11,7 @@
 #include "export/atomic_folder.h"
 #include "export/files.h"
 #include "preview.h"
+#include "report_photos.h"
 
 namespace pmsp::tool {
 
@@ -150,6 +151,7 @@ std::vector<Target> targets_of(const Arguments& arguments) {
                                {"--raw-depth-maps", arguments.raw_depth_maps, is_depth_map_file},
                                {"--preview", arguments.preview, is_preview_file},
                                {"--report", arguments.report.path, nullptr},
+                               {"--report-photos", arguments.report.photos, is_photo_file},
                                {"--plan", arguments.plan, nullptr}}) {
     if (!target.path.empty() && !is_of_other_verb(arguments, target)) targets.push_back(target);
   }

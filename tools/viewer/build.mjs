@@ -58,7 +58,7 @@ if (what === "--write" || (what === "--to" && file)) {
   console.log("the prebuilt page is what its sources give");
 } else if (what === "--tests") {
   await build({
-    entryPoints: ["geometry", "measure", "state", "data", "palette", "live", "framing", "potree", "around", "surroundings"].map((name) => join(here, "tests", `${name}.test.ts`)),
+    entryPoints: ["geometry", "measure", "state", "data", "palette", "live", "framing", "potree", "around", "surroundings", "seen"].map((name) => join(here, "tests", `${name}.test.ts`)),
     bundle: true,
     platform: "node",
     format: "esm",

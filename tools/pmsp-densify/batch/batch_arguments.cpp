@@ -29,15 +29,16 @@ namespace fs = std::filesystem;
 namespace {
 
 /// Set by batch per mission, columns of the list, or options of batch itself.
-constexpr std::array kOfBatch{"--images",    "--video",          "--output",    "--force",        "--stats",
-                              "--workspace", "--growing",        "--follow",    "--until-idle",   "--progress",
-                              "--quiet",     "--raw-depth-maps", "--live-view", "--live-address", "--delete-workspace"};
+constexpr std::array kOfBatch{"--images",    "--video",           "--output",    "--force",        "--stats",
+                              "--workspace", "--growing",         "--follow",    "--until-idle",   "--progress",
+                              "--quiet",     "--raw-depth-maps",  "--live-view", "--live-address", "--live-token",
+                              "--live-keep", "--delete-workspace"};
 constexpr std::array kMachineOptions{"--threads",   "--device",  "--backend",    "--simd",
                                      "--pipelined", "--scratch", kKeepWorkspaces};
 constexpr std::array kFilesToRead{"--config",    "--mask", "--prior-depth", "--scratch",    "--align",
                                   "--transform", "--crs",  "--points",      "--image-list", "--camera-from-body"};
 constexpr const char* kFormat = "--format";
-constexpr std::array kFoldersForResults{"--depth-maps", "--preview"};
+constexpr std::array kFoldersForResults{"--depth-maps", "--preview", "--report-photos"};
 constexpr const char* kReport = "--report";
 
 template <std::size_t N>

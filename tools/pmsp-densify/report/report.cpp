@@ -15,6 +15,7 @@
 #include "numbers.h"
 #include "pmsp/error.h"
 #include "report_page.h"
+#include "report_photos.h"
 #include "verbs.h"
 #include "web/page.h"
 #include "workspace/workspace.h"
@@ -196,9 +197,14 @@ void add_report_options(CLI::App& app, ReportArguments& a) {
       ->type_name("FILE")
       ->group(group);
   add_points_option(app, "--report-points", a);
+  app.add_option("--report-photos", a.photos,
+                 "Directory for a photo of each keyframe (JPEG, at most 2048 pixels wide), which the page loads when "
+                 "served; below the directory of the page")
+      ->type_name("DIR")
+      ->group(group);
   app.add_option_function<std::string>(
          "--report-panoramas", [&a](const std::string& text) { a.panoramas = panoramas_from(text); },
-         "Keyframes with a photo in the page, at most 2048 pixels wide [0 to 1000; default 12]")
+         "Keyframes with a photo in the page itself, at most 2048 pixels wide [0 to 1000; default 12]")
       ->type_name("N")
       ->group(group);
   app.add_option("--report-unit", a.unit,
@@ -206,6 +212,16 @@ void add_report_options(CLI::App& app, ReportArguments& a) {
                  "--transform [default: m with one of these, else map units]")
       ->type_name("NAME")
       ->group(group);
+}
+
+void check_report(const ReportArguments& a) {
+  if (!a.path.empty()) require_report_page("--report");
+  if (a.photos.empty()) return;
+  if (a.path.empty()) throw UsageError("--report-photos needs --report FILE");
+  if (path_beside(a.path, a.photos).empty()) {
+    throw UsageError("--report-photos " + a.photos.string() + " is no directory below that of --report " +
+                     a.path.string() + ", from which the page loads them");
+  }
 }
 
 int report(int argc, const char* const* argv) {

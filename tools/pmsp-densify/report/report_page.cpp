@@ -161,10 +161,9 @@ std::string list_of_keyframes(const std::vector<std::int64_t>& ids, const std::v
 
 namespace {
 
-constexpr int kPanoramaWidth = 2048;
 constexpr int kStripWidth = 320;
 constexpr std::size_t kMostStrips = 200;
-constexpr int kPanoramaQuality = 85, kStripQuality = 80;
+constexpr int kStripQuality = 80;
 constexpr int kCoverageWidth = 128, kCoverageHeight = 64;
 
 std::string jpeg(const cv::Mat& picture, int quality) {
@@ -218,7 +217,9 @@ ReportPage::ReportPage(const ReportArguments& arguments, const CloudHeader& head
       keyframes_(keyframes),
       file_(arguments.path),
       cloud_(header, arguments.points, ids_in_order(map)),
-      covered_(static_cast<std::size_t>(kCoverageWidth) * kCoverageHeight, 0) {}
+      covered_(static_cast<std::size_t>(kCoverageWidth) * kCoverageHeight, 0) {
+  if (!arguments.photos.empty()) photos_.emplace(arguments.photos);
+}
 
 void ReportPage::add_image(std::size_t index, const Keyframe& keyframe) {
   Jpegs& it = pictures_[keyframe.id];
@@ -230,9 +231,10 @@ void ReportPage::add_image(std::size_t index, const Keyframe& keyframe) {
   const std::size_t due =
       1 + index * static_cast<std::size_t>(arguments_.panoramas) / std::max<std::size_t>(keyframes_, 1);
   if (panoramas_ < arguments_.panoramas && static_cast<std::size_t>(panoramas_) < due) {
-    it.panorama = jpeg(picture_of(keyframe.image, kPanoramaWidth), kPanoramaQuality);
+    it.panorama = photo_of(keyframe.image);
     ++panoramas_;
   }
+  if (photos_) photos_->add(keyframe.id, keyframe.image);
 }
 
 void ReportPage::set_used(std::int64_t id, bool used) {
@@ -271,14 +273,14 @@ void ReportPage::add_depth(const DepthMap& map) {
   }
 }
 
-void ReportPage::set_potree(const std::filesystem::path& folder) {
-  const auto plain = [](const std::filesystem::path& path) {
-    const std::filesystem::path whole = std::filesystem::absolute(path).lexically_normal();
-    return whole.has_filename() ? whole : whole.parent_path();  // "folder/"
-  };
-  const std::filesystem::path beside = plain(folder).lexically_relative(plain(arguments_.path).parent_path());
-  if (beside.empty() || *beside.begin() == ".." || beside == ".") return;
-  potree_ = web::relative_address(beside.generic_string());
+void ReportPage::set_potree(const std::filesystem::path& folder) { potree_ = path_beside(arguments_.path, folder); }
+
+std::vector<std::string> ReportPage::beside() const {
+  std::vector<std::string> names;
+  for (const std::filesystem::path& path : {potree_, path_beside(arguments_.path, arguments_.photos)}) {
+    if (!path.empty()) names.push_back(path.begin()->string());
+  }
+  return names;
 }
 
 void ReportPage::set_use(const PlanEntry& entry) { uses_[entry.id] = name_of(entry.use); }
@@ -304,6 +306,10 @@ Json ReportPage::keyframes_json(const Json& stats) const {
     } else {
       json["use"] = use != uses_.end() ? use->second : "no image";
       json["reason"] = words_for(json["use"]);
+    }
+    if (photos_ && photos_->contains(keyframe->id)) {
+      const std::filesystem::path photo = path_beside(arguments_.path, arguments_.photos) / photo_name(keyframe->id);
+      json["photo"] = web::relative_address(photo.generic_string());
     }
     const auto found = pictures_.find(keyframe->id);
     if (found != pictures_.end()) {
@@ -406,9 +412,9 @@ Json ReportPage::page_json(const Json& stats) const {
     json["notes"].push_back("The page contains the most confident points of each place, fewer than the cloud.");
   }
   if (is_part && !potree_.empty()) {
-    json["potree"] = potree_;
+    json["potree"] = web::relative_address(potree_.generic_string());
     json["notes"].push_back("Over HTTP (pmsp-densify serve), it loads the others on demand from the Potree directory " +
-                            potree_ + ".");
+                            potree_.generic_string() + ".");
   }
   json["notes"].push_back("The page contains all of its data and uses no network.");
   return json;
@@ -422,9 +428,11 @@ void ReportPage::put(AtomicFile& file, const std::string& name, const std::strin
 }
 
 void ReportPage::write(const Json& stats) {
+  if (photos_ && keeps_photos_) photos_->keep_previous(ids_in_order(map_));
+  if (photos_) photos_->commit();
   cloud_.finish();
   const Json data = page_json(stats);
-  const auto [before, after] = web::page_around_data(data.contains("potree"));
+  const auto [before, after] = web::page_around_data(data.contains("potree") || photos_);
   file_.write(before);
   file_.write("<script type=\"application/json\" id=\"pmsp-data\">" + web::script_json(data) + "</script>\n");
   for (std::size_t i = 0; i < cloud_.nodes().size(); ++i)

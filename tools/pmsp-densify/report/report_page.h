@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@
 #include "pmsp/io/images.h"
 #include "pmsp/io/map.h"
 #include "pmsp/types.h"
+#include "report_photos.h"
 
 namespace pmsp::tool {
 
@@ -56,6 +58,12 @@ class ReportPage {
   /// the page's folder or below.
   void set_potree(const std::filesystem::path& folder);
 
+  /// Names in the page's directory that it loads files of.
+  std::vector<std::string> beside() const;
+
+  /// Keyframes whose images this run does not read keep the photos of a previous run.
+  void keep_photos() { keeps_photos_ = true; }
+
   /// Adds a sentence about the page.
   void say(const std::string& note) { notes_.push_back(note); }
   /// Points have no normals: disables back-face culling.
@@ -88,7 +96,9 @@ class ReportPage {
   std::map<std::int64_t, Jpegs> pictures_;
   std::map<std::int64_t, std::string> uses_;
   std::vector<std::string> notes_;
-  std::string potree_;  ///< address, relative to the page; "" = none
+  std::optional<ReportPhotos> photos_;
+  bool keeps_photos_ = false;
+  std::filesystem::path potree_;  ///< relative to the page's directory; empty = none
   bool has_normals_ = true;
   int panoramas_ = 0;
   std::size_t depth_maps_ = 0;

@@ -59,7 +59,7 @@ bool may_pass(const std::exception& error) {
 
 }  // namespace
 
-void follow(const Arguments& arguments, const std::function<void(bool growing)>& once) {
+bool follow(const Arguments& arguments, const std::function<void(bool growing)>& once) {
   const InterruptGuard guard(nullptr);
   std::exception_ptr refused;
   Watch watch(arguments);
@@ -69,7 +69,7 @@ void follow(const Arguments& arguments, const std::function<void(bool growing)>&
     try {
       guard.check();
     } catch (const Interrupted&) {
-      return;  // idle
+      return false;  // idle
     }
     const std::string state = watch.state();
     if (state != seen) changed = Clock::now();
@@ -92,7 +92,7 @@ void follow(const Arguments& arguments, const std::function<void(bool growing)>&
     if (state == done && arguments.until_idle && rest >= std::chrono::duration<double>(*arguments.until_idle)) {
       if (refused) std::rethrow_exception(refused);
       once(false);
-      return;
+      return true;
     }
     std::this_thread::sleep_for(kImageRecord);
   }

@@ -91,6 +91,9 @@ class Run {
     if (live_ != nullptr) {
       live_->begin(map_, {map_.path.filename().string() + ": live", unit_of_lengths(arguments.report.unit, frame_.unit),
                           frame_.file_from_map});
+      progress_.set_observer([this](const std::string& stage, double share, double seconds_left) {
+        live_->set_progress(stage, share, seconds_left);
+      });
     }
     if (merge == nullptr && given == nullptr) {  // done by the shards, or not needed
       progress_.stage("calibrating the camera");
@@ -464,19 +467,16 @@ void run(const Arguments& arguments) {
   const std::unique_ptr<LiveView> live = arguments.live.port ? std::make_unique<LiveView>(arguments.live) : nullptr;
   if (arguments.workspace.empty()) {
     Run(arguments, options, nullptr, false, nullptr, live.get())();
-    if (live) live->finish();
+    if (live) live->finish(true);
     return;
   }
   check_names(arguments);
   workspace::Workspace workspace(arguments.workspace);
   check_targets(arguments, recorded_outputs(arguments, workspace));
   const auto once = [&](bool growing) { Run(arguments, options, &workspace, growing, nullptr, live.get())(); };
-  if (arguments.follow) {
-    follow(arguments, once);
-  } else {
-    once(arguments.growing);
-  }
-  if (live) live->finish();
+  const bool is_interrupted = arguments.follow && !follow(arguments, once);
+  if (!arguments.follow) once(arguments.growing);
+  if (live) live->finish(!is_interrupted);
 }
 
 void fuse(const Arguments& arguments) {

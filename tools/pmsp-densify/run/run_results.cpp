@@ -25,6 +25,7 @@ RunResults::RunResults(const Setup& setup, TimeAccount& time)
   if (!arguments_.preview.empty()) preview_.emplace(arguments_.preview, setup.keyframes);
   if (!arguments_.report.path.empty()) {
     page_.emplace(arguments_.report, header, setup.map, setup.keyframes);
+    if (!arguments_.workspace.empty()) page_->keep_photos();
     output_->add_writer(page_->cloud());
     for (const CloudOutput::Target& target : arguments_.cloud.targets()) {
       if (target.format->name == std::string("potree")) page_->set_potree(target.path);
@@ -63,6 +64,7 @@ PlannedCallbacks RunResults::callbacks() {
 
 void RunResults::add_image(std::size_t index, const Keyframe& keyframe, int width, int height) {
   const ScopedTimer spent(time_, Activity::kPreview);
+  if (live_ != nullptr) live_->add_photo(keyframe);
   if (preview_) preview_->add_keyframe(index, keyframe.id, keyframe.cam_from_world, keyframe.image, width, height);
   if (page_) page_->add_image(index, keyframe);
 }
@@ -112,6 +114,7 @@ void RunResults::write_page(Progress& progress, const nlohmann::ordered_json& st
   const ScopedTimer spent(time_, Activity::kPreview);
   progress.stage("writing " + arguments_.report.path.string());
   page_->write(stats);
+  if (live_ != nullptr) live_->set_report(arguments_.report.path, page_->beside());
 }
 
 std::string RunResults::text() const {

@@ -13,6 +13,7 @@
 #include "command_line.h"
 #include "exit_code.h"
 #include "numbers.h"
+#include "page_address.h"
 #include "pmsp/error.h"
 #include "process.h"
 #include "verbs.h"
@@ -38,6 +39,7 @@ struct ServeArguments {
   std::filesystem::path folder;
   std::string page;  ///< file of "/"; "" = that of the folder, or a list
   HttpOptions http;
+  std::filesystem::path token_file;  ///< empty = new random token
 };
 
 /// Returns nullopt after printing help to stdout. Throws UsageError, InvalidOption, IoError.
@@ -55,6 +57,10 @@ std::optional<ServeArguments> parse_serve_arguments(int argc, const char* const*
                  "Address to listen at; at an address that others can reach, anyone with the token can see the files "
                  "[default 127.0.0.1]")
       ->type_name("A");
+  app.add_option("--token", a.token_file,
+                 "File with the token, 16 to 128 letters, digits, - and _, for an address that stays the same; a "
+                 "missing file is created, with a random token [default: a new token in each call]")
+      ->type_name("FILE");
   if (!parse_words(app, {argv + 2, argv + argc})) return std::nullopt;
   refuse_extra_words(app);
   if (what.empty()) throw UsageError("file or directory is missing; expected pmsp-densify serve FILE|DIR");
@@ -72,16 +78,6 @@ std::optional<ServeArguments> parse_serve_arguments(int argc, const char* const*
 
 constexpr std::size_t kMostPages = 1000;
 
-web::HttpReply file_reply(web::ServedFile file, const std::string& name, const std::string& range_header) {
-  if (!file.descriptor.is_open()) return web::not_found();
-  web::HttpReply reply;
-  reply.type = web::media_type(name);
-  reply.range = web::range_from(range_header, file.size);
-  if (reply.range) reply.status = reply.range->count > 0 ? 206 : 416;
-  reply.file = std::move(file);
-  return reply;
-}
-
 }  // namespace
 
 FolderHandler::FolderHandler(const std::filesystem::path& folder, std::string page)
@@ -97,10 +93,10 @@ std::optional<web::HttpReply> FolderHandler::operator()(const web::HttpRequest& 
   if (request.path.size() == 1 && request.path.front().empty()) {
     const std::string page = !page_.empty() ? page_ : "index.html";
     web::ServedFile file = folder_.open({page});
-    if (file.descriptor.is_open()) return file_reply(std::move(file), page, request.range);
+    if (file.descriptor.is_open()) return web::file_reply(std::move(file), page, request.range);
     return front_page();
   }
-  return file_reply(folder_.open(request.path), request.path.back(), request.range);
+  return web::file_reply(folder_.open(request.path), request.path.back(), request.range);
 }
 
 /// Of the folder and of those in it.
@@ -127,7 +123,7 @@ std::vector<std::string> FolderHandler::pages() const {
 web::HttpReply FolderHandler::front_page() const {
   const std::vector<std::string> names = pages();
   if (names.size() == 1 && names.front().find('/') == std::string::npos) {
-    return file_reply(folder_.open(names), names.front(), "");
+    return web::file_reply(folder_.open(names), names.front(), "");
   }
   std::string html = "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>Pages</title><h1>Pages</h1>";
   if (names.empty()) html += "<p>No page in this directory.</p>";
@@ -145,12 +141,12 @@ int serve(int argc, const char* const* argv) {
   if (!arguments) return kExitOk;
   const FolderHandler files(arguments->folder, arguments->page);
   const InterruptGuard guard(nullptr);
-  const web::HttpServer server(arguments->http, [&files](const web::HttpRequest& request) { return files(request); });
-  if (!web::is_loopback(arguments->http.address)) {
-    std::cerr << "pmsp-densify: warning: " << web::address_warning(arguments->http.address) << "\n";
-  }
+  HttpOptions options = arguments->http;
+  options.token = token_from_file(arguments->token_file);
+  const web::HttpServer server(options, [&files](const web::HttpRequest& request) { return files(request); });
   std::cout << server.url() << std::endl;
   if (!std::cout) throw OutputError("standard output cannot be written");
+  print_access(options.address, server.url());
   std::cerr << "serving " << (arguments->folder / arguments->page).string() << "; Ctrl-C ends it\n";
   try {
     for (;; std::this_thread::sleep_for(std::chrono::milliseconds(100))) guard.check();

@@ -100,6 +100,24 @@ export class Cameras {
     this.plan.update();
   }
 
+  /** What a view from outside looks at; null in other views. */
+  get target(): Vec3 | null {
+    const { mode } = this.state;
+    const controls = mode === "plan" ? this.plan : mode === "orbit" ? this.orbit : null;
+    return controls && (controls.target.toArray() as [number, number, number]);
+  }
+
+  /** Moves a view from outside. */
+  shift(by: Vec3): void {
+    if (!this.target) return;
+    const controls = this.state.mode === "plan" ? this.plan : this.orbit;
+    const step = new Vector3(...by);
+    this.current.position.add(step);
+    controls.target.add(step);
+    controls.update();
+    this.moved();
+  }
+
   /** Moves the eye without turning it. */
   standAt(place: Vec3): void {
     this.perspective.position.set(...place);

@@ -60,7 +60,7 @@ export class Cloud {
   readonly group = new Group();
   cubes: Cube[];
   /** Cubes of keyframes, by keyframe id. */
-  private readonly keyframeCubes = new Map<string, Cube>();
+  readonly keyframeCubes = new Map<string, Cube>();
   loaded = 0;
   /** Points that may be drawn at a time. */
   budget = 3_000_000;
@@ -183,10 +183,10 @@ export class Cloud {
     this.group.add(drawn);
   }
 
-  /** Looks at every so many points for `low` and `high`. `path`: of the camera, which is in it. */
-  measureExtent(path: readonly Vec3[] = []): void {
+  /** Looks at every so many points for `low` and `high`. `path`: of the camera, which is in it. `more`: other points. */
+  measureExtent(path: readonly Vec3[] = [], more: readonly Vec3[] = []): void {
     const inPlan = (p: Vec3): Vec3 => [dot(this.basis[0], p), dot(this.basis[1], p), dot(this.basis[2], p)];
-    const points: Vec3[] = [];
+    const points: Vec3[] = more.map(inPlan);
     const stride = Math.max(1, Math.floor(this.loaded / 50_000));
     this.forEach(stride, (x, y, z) => points.push(inPlan([x, y, z])));
     const box = busyBox(points, path.map(inPlan));
@@ -203,11 +203,11 @@ export class Cloud {
     }
   }
 
-  /** All points of a cube; number by number, since there may be millions. */
-  visit(cube: Cube, visit: (x: number, y: number, z: number, i: number) => void): void {
+  /** Every so many points of a cube; number by number, since there may be millions. */
+  visit(cube: Cube, visit: (x: number, y: number, z: number, i: number) => void, stride = 1): void {
     const [xx, xy, xz, , yx, yy, yz, , zx, zy, zz, , x0, y0, z0] = cube.matrix.elements;
     const positions = cube.points?.positions ?? [];
-    for (let i = 0; i < (cube.points?.count ?? 0); ++i) {
+    for (let i = 0; i < (cube.points?.count ?? 0); i += stride) {
       const a = positions[4 * i]! / 65535;
       const b = positions[4 * i + 1]! / 65535;
       const c = positions[4 * i + 2]! / 65535;

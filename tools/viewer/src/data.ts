@@ -22,6 +22,8 @@ export interface KeyframeData extends Pose {
   confidence?: number;
   /** Names of images in the page. */
   panorama?: string;
+  /** Address of a photo, relative to the page; only where it is served. */
+  photo?: string;
   strip?: { image?: string; depth?: string; confidence?: string; near?: number; far?: number };
 }
 

@@ -24,6 +24,26 @@ interface Reply {
   /** Same for the current camera pose. */
   camera?: number[];
   trajectory?: { id: string; matrix: number[] }[];
+  /** Number of points of the map; the page receives part of them. */
+  total_points: number;
+  stage?: string;
+  /** Of the work, 0 to 1. */
+  share?: number;
+  seconds_left?: number;
+  /** Given if they have changed. */
+  landmarks?: { version: number; matrix: number[] };
+  /** Keyframes with new photos. */
+  photos: string[];
+  newest_photo?: string;
+  /** Address of the finished report. */
+  report?: string;
+}
+
+export interface LiveProgress {
+  stage: string;
+  /** null = unknown */
+  share: number | null;
+  secondsLeft: number | null;
 }
 
 export type LiveState = "waiting" | "running" | "done" | "disconnected";
@@ -55,6 +75,18 @@ export function liveBlock(bytes: Uint8Array<ArrayBuffer>, keyframe: number): Liv
   return { corner: [number(0), number(1), number(2)], side: number(3), points };
 }
 
+/** Returns positions relative to the page's origin. */
+export function landmarksOf(bytes: ArrayBuffer, matrix: readonly number[]): Vec3[] {
+  if (bytes.byteLength % 12 !== 0) throw new Error(`landmarks have ${bytes.byteLength} bytes`);
+  const view = new DataView(bytes);
+  const m = (i: number): number => matrix[i] ?? 0;
+  return Array.from({ length: bytes.byteLength / 12 }, (_, i): Vec3 => {
+    const [x, y, z] = [0, 4, 8].map((k) => view.getFloat32(12 * i + k, true)) as [number, number, number];
+    const row = (r: number): number => m(r) * x + m(r + 1) * y + m(r + 2) * z + m(r + 3);
+    return [row(0), row(4), row(8)];
+  });
+}
+
 /** Returns the pose of a keyframe; `origin` is added to its centre. */
 export function poseOf(matrix: readonly number[], origin: Vec3): { center: Vec3; rotation: number[] } {
   const m = (i: number): number => matrix[i] ?? 0;
@@ -84,6 +116,13 @@ export class Live {
   private readonly shown = new Map<string, number>();
   /** From the page's origin. */
   camera: Pose | null = null;
+  landmarks: readonly Vec3[] = [];
+  totalPoints = 0;
+  progress: LiveProgress = { stage: "", share: null, secondsLeft: null };
+  newestPhoto: { id: string; address: string } | null = null;
+  report = "";
+  /** Addresses by keyframe id. */
+  private readonly photos = new Map<string, string>();
   /** Ranks and matrices by id of the trajectory; null = none received. */
   private trajectory: Map<string, { rank: number; matrix: number[] }> | null = null;
   private readonly updateLater = new Throttle(kUpdatePause, () => {
@@ -137,6 +176,15 @@ export class Live {
     }
     if (reply.trajectory) this.setTrajectory(reply.trajectory);
     if (reply.camera) this.camera = poseOf(reply.camera, [0, 0, 0]);
+    this.totalPoints = reply.total_points;
+    this.progress = { stage: reply.stage ?? "", share: reply.share ?? null, secondsLeft: reply.seconds_left ?? null };
+    this.report = reply.report ?? "";
+    // A replaced photo has another address: the version.
+    for (const id of reply.photos) this.photos.set(id, `live/photos/${id}?${reply.state_version}`);
+    const newest = this.photos.get(reply.newest_photo ?? "");
+    this.newestPhoto = newest ? { id: reply.newest_photo!, address: newest } : null;
+    this.changed();
+    if (reply.landmarks) await this.fetchLandmarks(reply.landmarks);
     for (const id of reply.removed) {
       this.viewer.cloud.remove(id);
       this.shown.delete(id);
@@ -188,9 +236,24 @@ export class Live {
     this.fetched += 1;
   }
 
+  private async fetchLandmarks(it: { version: number; matrix: number[] }): Promise<void> {
+    const reply = await fetch(`live/landmarks/${it.version}`, { cache: "no-store", signal: AbortSignal.timeout(30_000) });
+    if (reply.status === 404) return; // replaced meanwhile; the next reply contains the new version
+    if (!reply.ok) throw new Error(`no landmarks: ${reply.status}`);
+    this.landmarks = landmarksOf(await reply.arrayBuffer(), it.matrix);
+    this.updateLater.request();
+  }
+
+  /** Centres of the keyframes with points, from the page's origin. */
+  *eyes(): Generator<[string, Vec3]> {
+    for (const [id, { matrix }] of this.keyframes) if (this.shown.has(id)) yield [id, [matrix[3]!, matrix[7]!, matrix[11]!]];
+  }
+
   private showKeyframes(): void {
     const keyframes = [...this.keyframes].map(([id, { matrix }]): KeyframeData => {
-      return { id, use: this.shown.has(id) ? "depth map" : "no points", ...poseOf(matrix, this.viewer.data.origin) };
+      const photo = this.photos.get(id);
+      const use = this.shown.has(id) ? "depth map" : "no points";
+      return { id, use, ...(photo ? { photo } : {}), ...poseOf(matrix, this.viewer.data.origin) };
     });
     this.viewer.setTrajectory(keyframes, this.order(), this.camera?.center ?? null);
   }

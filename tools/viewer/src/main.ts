@@ -2,11 +2,11 @@
 // The page: buttons, keys and the address around the picture.
 import { readData } from "./data";
 import { button, countText, el, slider } from "./dom";
-import { Around } from "./around";
 import { listenForKeys } from "./keys";
 import { showLegend } from "./legend";
-import { Live, type LiveState } from "./live";
+import { LivePage } from "./live_page";
 import { Measuring } from "./measuring";
+import { hasPhoto, leaveOutMissingPhotos } from "./panorama";
 import { writeReport } from "./report";
 import { listResults } from "./results";
 import { type Coloring, colorings, type Mode, modes, stateFrom, stateText } from "./state";
@@ -24,8 +24,7 @@ class Page {
   readonly data = readData(document);
   readonly state = stateFrom(location.hash);
   readonly viewer = new Viewer(this.data, byId("points"), byId("overlay"), this.state);
-  live: Live | null = null;
-  around: Around | null = null;
+  live: LivePage | null = null;
   private hasStreamWords = false;
   readonly measuring = new Measuring(this.viewer, this.state, (text) => this.say(text), () => this.changed());
   private addressTimer = 0;
@@ -59,6 +58,7 @@ class Page {
     this.viewer.onStreamed = () => this.streamed();
     this.say("Reading the points…");
     void this.viewer.load();
+    void this.checkPhotos();
   }
 
   private tellPoints(): void {
@@ -69,7 +69,7 @@ class Page {
     byId("subtitle").textContent =
       this.data.live_page_version === undefined
         ? `${countText(shown)} of ${countText(points_in)} points, ${keyframes.length} keyframes, ${generator}`
-        : `${countText(this.viewer.cloud.loaded)} points of ${covered} of ${order.length} keyframes, ${generator}`;
+        : `${this.live?.shareText() ?? "0 points"} of ${covered} of ${order.length} keyframes, ${generator}`;
   }
 
   /** The Potree folder beside the page has answered. */
@@ -88,22 +88,27 @@ class Page {
 
   /** Starts polling a live map. */
   private startPolling(pageVersion: number): void {
-    const words: Record<LiveState, string> = {
-      waiting: "Waiting for the first points…",
-      running: "",
-      done: "The run is done.",
-      disconnected: "The run cannot be reached.",
-    };
-    const around = (this.around = new Around(byId("view"), this.viewer.cloud, () => this.live?.camera ?? null));
-    const live = (this.live = new Live(this.viewer, pageVersion, () => {
-      document.body.dataset["live"] = live.state;
-      this.say(words[live.state]);
+    const live = (this.live = new LivePage(byId("view"), this.viewer, pageVersion, (message) => {
+      document.body.dataset["live"] = live.live.state;
+      this.say(message);
       this.tellPoints();
       this.modeButtons.get("walk")!.disabled = this.viewer.order.length === 0;
-      around.changed();
+      this.allowPhotos();
       this.refresh();
     }));
-    void live.poll();
+    live.start();
+  }
+
+  private allowPhotos(): void {
+    this.modeButtons.get("keyframe")!.disabled = !this.data.keyframes.some(hasPhoto);
+  }
+
+  /** Photos beside the page that are not served are no longer offered. */
+  private async checkPhotos(): Promise<void> {
+    if (!(await leaveOutMissingPhotos(this.data.keyframes))) return;
+    this.allowPhotos();
+    if (this.state.mode === "keyframe") this.viewer.setMode("keyframe", false);
+    this.refresh();
   }
 
   private buildToolbar(): void {
@@ -113,11 +118,8 @@ class Page {
       this.modeButtons.set(mode, made);
       views.append(made);
     }
-    if (this.data.keyframes.length === 0) {
-      for (const mode of ["walk", "keyframe"] as const) this.modeButtons.get(mode)!.disabled = true;
-    } else if (!this.data.keyframes.some((k) => k.panorama)) {
-      this.modeButtons.get("keyframe")!.disabled = true;
-    }
+    if (this.data.keyframes.length === 0) this.modeButtons.get("walk")!.disabled = true;
+    this.allowPhotos();
     const flight = el("div", { role: "group", "aria-label": "Keyframe", id: "flight" });
     flight.append(
       button("◀", () => this.viewer.step(-1), { "aria-label": "Previous keyframe" }),
@@ -201,7 +203,7 @@ class Page {
   }
 
   private enter(which: number): void {
-    const photo = this.data.keyframes[which]?.panorama !== undefined;
+    const photo = hasPhoto(this.data.keyframes[which]);
     this.state.mode = photo ? "keyframe" : "walk";
     this.state.keyframe = which;
     this.viewer.setMode(this.state.mode);

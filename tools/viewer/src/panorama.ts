@@ -13,7 +13,30 @@ import {
   RepeatWrapping,
   Texture,
 } from "three";
+import { type KeyframeData, imageAddress } from "./data";
 import type { Pose } from "./geometry";
+
+const isServed = (): boolean => globalThis.location?.protocol.startsWith("http") ?? false;
+
+/** Whether there is a photo: in the page, or beside it where it is served. */
+export const hasPhoto = (keyframe: KeyframeData | undefined): boolean =>
+  keyframe?.panorama !== undefined || (keyframe?.photo !== undefined && isServed());
+
+/** Address of a keyframe's photo; "" = none. */
+export function photoOf(keyframe: KeyframeData): string {
+  if (keyframe.panorama !== undefined) return imageAddress(document, keyframe.panorama);
+  return hasPhoto(keyframe) ? keyframe.photo! : "";
+}
+
+/** Leaves out the photos beside the page if it is served without them. Returns whether any were. */
+export async function leaveOutMissingPhotos(keyframes: KeyframeData[]): Promise<boolean> {
+  const first = keyframes.find((it) => it.photo !== undefined)?.photo;
+  if (first === undefined || !isServed()) return false;
+  const reply = await fetch(first, { method: "HEAD" }).catch(() => null);
+  if (reply?.ok) return false;
+  for (const keyframe of keyframes) delete keyframe.photo;
+  return true;
+}
 
 const vertexShader = `
 precision highp float;

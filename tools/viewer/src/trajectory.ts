@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Keyframes along the trajectory. `order`: indices of the existing keyframes, from the first to the last.
 import type { KeyframeData } from "./data";
+import { hasPhoto } from "./panorama";
 
 /** Returns those with a depth map, or all if there are none. */
 export function pathOf(keyframes: readonly KeyframeData[], order: readonly number[]): number[] {
@@ -15,7 +16,7 @@ export function nearestKeyframe(
   which: number,
   withPhoto: boolean,
 ): number {
-  let able = order.filter((i) => !withPhoto || keyframes[i]?.panorama);
+  let able = order.filter((i) => !withPhoto || hasPhoto(keyframes[i]));
   if (able.length === 0) able = pathOf(keyframes, order);
   const rank = new Map(order.map((index, i) => [index, i]));
   const rankOf = (index: number): number => rank.get(index) ?? index;

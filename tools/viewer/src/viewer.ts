@@ -3,14 +3,14 @@
 import { type PerspectiveCamera, Scene, WebGLRenderer } from "three";
 import { Cameras } from "./cameras";
 import { Cloud } from "./cloud";
-import { type KeyframeData, type ReportData, imageAddress } from "./data";
+import type { KeyframeData, ReportData } from "./data";
 import { nearestKeyframe, pathOf } from "./trajectory";
 import { type Vec3, basisAround, dot, fromCamera, mainDirection, norm, sub } from "./geometry";
 import { loadHeld } from "./load";
 import { type Picked, type Result, resultOf } from "./measure";
 import { drawOverlay, type Mark, scaleBar, type Trail } from "./overlay";
 import { Pace } from "./pace";
-import { Panorama } from "./panorama";
+import { hasPhoto, Panorama, photoOf } from "./panorama";
 import { pick } from "./pick";
 import type { Measurement, Mode, ViewState } from "./state";
 import { Stream } from "./stream";
@@ -35,6 +35,12 @@ export class Viewer {
   onLoaded: () => void = () => {};
   /** More points have come, or none will. */
   onStreamed: () => void = () => {};
+  /** The view has been set to show all. */
+  onFramed: () => void = () => {};
+  /** Draws over the points, below the marks. */
+  under: ((context: CanvasRenderingContext2D, project: (p: Vec3) => [number, number] | null) => void) | null = null;
+  /** Shown as well, at the beginning instead of points. */
+  landmarks: readonly Vec3[] = [];
   /** null = the page holds all there is. */
   stream: Stream | null = null;
   private readonly scene = new Scene();
@@ -46,10 +52,10 @@ export class Viewer {
   private contextLost = false;
   private trail: Trail | null = null;
   /** Whether the user has moved the view. */
-  private touched = false;
+  isTouched = false;
   private readonly updateExtentLater = new Throttle(300, () => {
-    this.cloud.measureExtent(this.centers());
-    if (!this.touched && this.cloud.loaded > 0) this.setMode(this.state.mode);
+    this.cloud.measureExtent(this.centers(), this.landmarks);
+    if (!this.isTouched && this.cloud.loaded + this.landmarks.length > 0) this.setMode(this.state.mode);
     this.redraw();
   });
 
@@ -78,10 +84,10 @@ export class Viewer {
       this.redraw();
     });
     for (const name of ["pointerdown", "wheel", "keydown"]) {
-      canvas.addEventListener(name, () => (this.touched = true), { passive: true });
+      canvas.addEventListener(name, () => (this.isTouched = true), { passive: true });
     }
     new ResizeObserver(() => this.resize()).observe(canvas);
-    this.touched = state.eye !== null;
+    this.isTouched = state.eye !== null;
     this.resize();
   }
 
@@ -159,6 +165,7 @@ export class Viewer {
       this.enter(state.keyframe, mode === "keyframe", fresh || !target);
       if (!fresh && target && eye) cameras.lookAlong(sub(target, eye));
     }
+    if (fresh) this.onFramed();
     this.changed();
   }
 
@@ -183,7 +190,7 @@ export class Viewer {
       const ahead = next ? sub(next.center, keyframe.center) : ([0, 0, 0] as Vec3);
       this.cameras.lookAlong(withPhoto || norm(ahead) === 0 ? fromCamera(keyframe, [0, 0, 1]) : ahead);
     }
-    this.panorama.show(withPhoto && keyframe.panorama ? imageAddress(document, keyframe.panorama) : "", keyframe);
+    this.panorama.show(withPhoto ? photoOf(keyframe) : "", keyframe);
     this.changed();
   }
 
@@ -191,7 +198,7 @@ export class Viewer {
   step(by: number): void {
     let path = this.path;
     if (this.state.mode === "keyframe") {
-      const withPhoto = path.filter((i) => this.data.keyframes[i]?.panorama);
+      const withPhoto = path.filter((i) => hasPhoto(this.data.keyframes[i]));
       if (withPhoto.length > 0) path = withPhoto;
     }
     const at = path.indexOf(this.state.keyframe);
@@ -242,6 +249,8 @@ export class Viewer {
     if (!context) return;
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, this.overlay.width, this.overlay.height);
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.under?.(context, (p) => this.project(p));
     const scale = state.mode === "plan" ? scaleBar(cameras.focalLength, this.data.unit) : null;
     drawOverlay(context, width, height, ratio, (p) => this.project(p), this.marks(), scale, this.trail);
   }

@@ -3,12 +3,12 @@
 // whose keyframes move. Needs PMSP_DENSIFY, PMSP_SYNTH and PMSP_LIVE_PLAYER; exits with 77 where there is no chromium.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { copyFileSync, existsSync, mkdtempSync, renameSync, rmSync, statSync } from "node:fs";
+import { copyFileSync, cpSync, existsSync, mkdirSync, mkdtempSync, readdirSync, readFileSync, renameSync, rmSync, statSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { chromiumPath, openPage, startBrowser, violations } from "./browser";
+import { chromiumPath, openFile, openPage, startBrowser, violations } from "./browser";
 import { killAll, start } from "./program";
 
 const { PMSP_DENSIFY: densify, PMSP_SYNTH: synth, PMSP_LIVE_PLAYER: player } = process.env;
@@ -55,7 +55,7 @@ const shown = (page: Page): Promise<Shown> =>
     return { points: viewer.cloud.loaded, cubes, centers, keyframes: viewer.data.keyframes.length, state: document.body.dataset["live"] };
   });
 
-const fetchedOf = (page: Page): Promise<number> => page.evaluate(() => (window as any).pmspPage.live.fetched);
+const fetchedOf = (page: Page): Promise<number> => page.evaluate(() => (window as any).pmspPage.live.live.fetched);
 
 async function hasCubes(page: Page, count: number): Promise<void> {
   const has = (least: number): boolean => (window as any).pmspPage.viewer.cloud.keyframeCubes.size >= least;
@@ -77,6 +77,46 @@ const light = (page: Page): Promise<number> =>
     return light / (data.length / 4);
   });
 
+/** The camera is in the middle of the views from outside until Follow is switched off. */
+async function checkFollowing(page: Page): Promise<void> {
+  const off = (): Promise<number> =>
+    page.evaluate(() => {
+      const { viewer, live } = (window as any).pmspPage;
+      viewer.draw();
+      const [x, y] = viewer.project(live.live.camera.center);
+      return Math.hypot(x - viewer.canvas.clientWidth / 2, y - viewer.canvas.clientHeight / 2);
+    });
+  for (const view of ["Plan", "Around"]) {
+    await page.click(`#toolbar >> text=${view}`);
+    assert.ok((await off()) < 2, `${view}: the camera is ${await off()} px off the middle`);
+  }
+  await page.click("#live >> text=Follow");
+  await page.click("#toolbar >> text=Around");
+  assert.ok((await off()) > 5, "without Follow the view shows all");
+  await page.click("#live >> text=Follow");
+  assert.ok((await off()) < 2);
+}
+
+/** Share of the plan that keyframes have seen, and number of hatched pixels. */
+async function planOf(page: Page): Promise<{ seen: number; hatched: number }> {
+  await page.waitForFunction(() => (window as any).pmspPage.live.seen.grid !== null);
+  await page.click("#toolbar >> text=Plan");
+  const found = await page.evaluate(() => {
+    const { viewer, live } = (window as any).pmspPage;
+    viewer.draw();
+    const canvas = viewer.overlay as HTMLCanvasElement;
+    const { data } = canvas.getContext("2d")!.getImageData(0, 0, canvas.width, canvas.height);
+    let hatched = 0;
+    for (let i = 0; i < data.length; i += 4) {
+      hatched += data[i + 3]! > 60 && data[i]! > 200 && data[i + 1]! < 200 && data[i + 2]! < 40 ? 1 : 0;
+    }
+    const { seen } = live.seen.grid;
+    return { seen: seen.filter((it: number) => it === 1).length / seen.length, hatched };
+  });
+  await page.click("#toolbar >> text=Around");
+  return found;
+}
+
 test("a report that is served is the page that opens from disk", async () => {
   const report = join(folder, "report.html");
   execFileSync(densify, run("--report", report), { stdio: "ignore" });
@@ -91,6 +131,114 @@ test("a report that is served is the page that opens from disk", async () => {
   assert.equal(await served.ended, 0);
 });
 
+test("every keyframe of a report has its photo where photos are served, and from disk those that it contains", async () => {
+  const results = join(folder, "results");
+  const report = join(results, "mission.html");
+  const photos = join(results, "photos of it");
+  mkdirSync(results);
+  execFileSync(densify, run("--report", report, "--report-photos", photos, "--report-panoramas", "1"), { stdio: "ignore" });
+  assert.equal(readdirSync(photos).length, 8);
+  const withPhoto = (page: Page): Promise<number[]> =>
+    page.evaluate(() => {
+      const { viewer } = (window as any).pmspPage;
+      const found: number[] = [];
+      for (let i = 0; i < viewer.data.keyframes.length; ++i) {
+        viewer.state.keyframe = i;
+        viewer.setMode("keyframe");
+        if (viewer.state.keyframe === i) found.push(i);
+      }
+      return found;
+    });
+  const ready = (page: Page): Promise<unknown> => page.waitForFunction(() => (window as any).pmspPage.viewer.panorama.ready);
+  const served = await start(densify, ["serve", report]);
+  const { page, requests, errors } = await openPage(browser, served.url);
+  assert.equal((await withPhoto(page)).length, 8);
+  for (let i = 0; i < 3; ++i) {
+    await ready(page);
+    await page.click("text=▶");
+  }
+  await ready(page);
+  assert.deepEqual(requests, []);
+  assert.deepEqual(errors, []);
+  await page.context().close();
+  const disk = await openFile(browser, report);
+  assert.equal((await withPhoto(disk.page)).length, 1);
+  await ready(disk.page);
+  assert.deepEqual(disk.errors, []);
+  assert.deepEqual(disk.requests, []);
+  await disk.page.context().close();
+  rmSync(photos, { recursive: true });
+  const without = await openPage(browser, served.url);
+  await without.page.waitForFunction(() => (window as any).pmspPage.data.keyframes.every((k: any) => k.photo === undefined));
+  assert.equal((await withPhoto(without.page)).length, 1);
+  await ready(without.page);
+  await without.page.context().close();
+  served.child.kill("SIGINT");
+  assert.equal(await served.ended, 0);
+});
+
+test("a run is seen from its first second, up to its report at the same address", async () => {
+  const own = join(folder, "own");
+  cpSync(mission, own, { recursive: true });
+  const map = join(own, "map.msg");
+  renameSync(map, join(own, "later"));
+  const token = join(folder, "token");
+  const report = join(folder, "out", "own.html");
+  mkdirSync(join(folder, "out"));
+  const words = (port: string): string[] => {
+    const output = ["-o", join(folder, "o.ply"), "--workspace", join(folder, "own-work"), "--report", report];
+    const live = ["--follow", "--until-idle", "2", "--live-view", port, "--live-token", token, "--live-keep"];
+    return ["run", map, "--images", join(own, "images"), ...quick, "--width", "512", "--height", "256", ...output, ...live];
+  };
+  const first = await start(densify, words("0"));
+  assert.ok(first.url.endsWith(`/${readFileSync(token, "utf8").trim()}/`));
+  const { page, requests, errors } = await openPage(browser, first.url);
+  await page.evaluate(() => ((window as any).isOfFirstRun = true));
+  await page.addInitScript(() => {
+    const log = ((window as any).log = { order: [] as string[], shares: [] as number[], texts: [] as string[] });
+    const note = (name: string, is: boolean): void => {
+      if (is && !log.order.includes(name)) log.order.push(name);
+    };
+    setInterval(() => {
+      const { live, viewer } = (window as any).pmspPage ?? {};
+      if (!live) return;
+      note("landmarks", live.seen.landmarks.length > 0);
+      note("photo", (document.querySelector("#newest") as HTMLImageElement).naturalWidth > 0);
+      note("points", viewer.cloud.loaded > 0);
+      const { share } = live.live.progress;
+      if (share !== null && share !== log.shares.at(-1)) log.shares.push(share);
+      log.texts.push(document.querySelector("#progress")?.textContent ?? "");
+    }, 10);
+  });
+  first.child.kill("SIGKILL"); // while it waits for the map
+  await first.ended;
+  const started = await start(densify, words(new URL(first.url).port));
+  assert.equal(started.url, first.url);
+  // The page of the first run finds the second one.
+  await page.waitForFunction(() => (window as any).isOfFirstRun === undefined && (window as any).pmspPage?.live, null, { timeout: 120_000 });
+  renameSync(join(own, "later"), map);
+  await page.waitForFunction(() => (window as any).log?.order.includes("points"), null, { timeout: 300_000 });
+  await page.waitForSelector("text=Open the report", { timeout: 300_000 });
+  await page.waitForSelector('body[data-live="done"]', { timeout: 300_000 });
+  const log = (await page.evaluate(() => (window as any).log)) as { order: string[]; shares: number[]; texts: string[] };
+  assert.deepEqual([...log.order].sort(), ["landmarks", "photo", "points"]);
+  assert.equal(log.order.at(-1), "points", `order: ${log.order}`);
+  assert.ok(log.shares.some((it) => it > 0 && it < 1), `shares: ${log.shares}`);
+  assert.ok(log.texts.some((it) => /^densify: [\d.]+ %, \d.* left$/.test(it)), `texts: ${[...new Set(log.texts)].join("; ")}`);
+  assert.deepEqual(await violations(page), []);
+  assert.deepEqual(requests, []);
+  assert.deepEqual(errors.filter((it) => !/Failed to load|ERR_CONNECTION/.test(it)), []);
+  const address = page.url().replace(/#.*/, "");
+  await page.click("text=Open the report");
+  await page.waitForSelector('body[data-state="loaded"]');
+  assert.ok(page.url().startsWith(`${address}report/own.html`));
+  assert.ok((await shown(page)).points > 1000);
+  assert.equal(started.child.exitCode, null);
+  started.child.kill("SIGINT");
+  assert.equal(await started.ended, 0);
+  await page.context().close();
+});
+
 test("a run shows its points while it works, says when it is done, and then ends", async () => {
   const started = await start(densify, run("--live-view", "0", "--threads", "1", "--width", "512", "--height", "256"));
   const { page, requests, errors } = await openPage(browser, started.url);
@@ -103,11 +251,15 @@ test("a run shows its points while it works, says when it is done, and then ends
   assert.equal(last.keyframes, 8);
   assert.ok(Object.keys(last.cubes).length > 3);
   assert.ok((await light(page)) > 0.1);
-  assert.match((await page.textContent("#subtitle")) ?? "", /points of \d of 8 keyframes/);
+  const share = /^(\d+) % of the cloud: ([\d ]+) of ([\d ]+) points of \d of 8 keyframes/.exec((await page.textContent("#subtitle")) ?? "");
+  const [percent, some, all] = (share ?? []).slice(1).map((it) => Number(it.replaceAll(" ", ""))) as [number, number, number];
+  assert.equal(some, last.points);
+  assert.equal(all, Number(/element vertex (\d+)/.exec(readFileSync(join(folder, "c.ply"), "latin1"))?.[1]));
+  assert.equal(percent, Math.round((100 * some) / all));
   // The room is closed: but for the mask, the camera has points in nearly all directions.
-  await page.waitForFunction(() => (window as any).pmspPage.around.covered !== null);
+  await page.waitForFunction(() => (window as any).pmspPage.live.around.covered !== null);
   await page.waitForTimeout(1000);
-  const open = (await page.evaluate(() => (window as any).pmspPage.around.covered.open)) as number;
+  const open = (await page.evaluate(() => (window as any).pmspPage.live.around.covered.open)) as number;
   assert.ok(open < 0.3, `${open} of the directions have no points`);
   assert.match((await page.textContent("#around")) ?? "", /% of the directions from the camera have no points yet/);
   assert.deepEqual(await violations(page), []);
@@ -181,14 +333,20 @@ test("points of a SLAM come at once, and move with their keyframes", async () =>
   const started = await start(player, [join(mission, "map.msg"), join(mission, "images")]);
   const { page, errors } = await openPage(browser, started.url);
   const other = await openPage(browser, started.url);
+  const blank = await planOf(page);
+  assert.equal(blank.seen, 0);
+  assert.ok(blank.hatched > 1000);
   started.child.stdin!.write("fly\n");
   await page.waitForFunction(() => (window as any).pmspPage.viewer.cloud.loaded > 0, null, { timeout: 300_000 });
-  const seen = (await page.evaluate(() => performance.timeOrigin + (window as any).pmspPage.live.lastPoints)) as number;
+  const seen = (await page.evaluate(() => performance.timeOrigin + (window as any).pmspPage.live.live.lastPoints)) as number;
   await hasCubes(page, 4);
   while (!/flown/.test(started.text())) await new Promise((done) => setTimeout(done, 100));
   for (const it of [page, other.page]) await hasCaughtUp(it);
   const before = await shown(page);
   const fetched = await fetchedOf(page);
+  await checkFollowing(page);
+  await page.waitForFunction(() => (window as any).pmspPage.live.seen.grid.seen.every((it: number) => it === 1));
+  assert.equal((await planOf(page)).hatched, 0);
   started.child.stdin!.write("move\n");
   const moved = (now: Record<string, number[]>, then: Record<string, number[]>): number[] =>
     Object.entries(then).map(([id, at]) => Math.hypot(...at.map((x, i) => x - (now[id]?.[i] ?? Number.NaN))));

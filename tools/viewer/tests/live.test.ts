@@ -2,7 +2,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { kNoKeyframe } from "../src/data";
-import { Live, liveBlock, poseOf } from "../src/live";
+import { landmarksOf, Live, liveBlock, poseOf } from "../src/live";
+import { durationText } from "../src/live_page";
 import { nearestKeyframe, pathOf } from "../src/trajectory";
 
 test("a keyframe's block has a cube and points", () => {
@@ -32,6 +33,19 @@ test("a keyframe's pose follows from its matrix", () => {
   assert.deepEqual(pose.rotation.map((x) => x + 0), [0, 0, -1, 0, 1, 0, 1, 0, 0]);
 });
 
+test("landmarks are turned, scaled and moved", () => {
+  const bytes = new Float32Array([1, 2, 3, 0, 0, 0]).buffer;
+  assert.deepEqual(landmarksOf(bytes, [0, -2, 0, 10, 2, 0, 0, 20, 0, 0, 2, 30]), [
+    [6, 22, 36],
+    [10, 20, 30],
+  ]);
+  assert.throws(() => landmarksOf(bytes.slice(0, 16), []), /16 bytes/);
+});
+
+test("durations have two units at most", () => {
+  assert.deepEqual([-1, 59.4, 65, 3605, 7260].map(durationText), ["0 s", "59 s", "1 min 05 s", "1 h 00 min", "2 h 01 min"]);
+});
+
 /** Address of a request; what comes back. */
 type Server = (address: string) => Promise<Response> | Response;
 
@@ -41,7 +55,10 @@ interface Shown {
 }
 
 /** Shows a live map that `server` serves until it is done; returns the keyframes in order, after each update. */
-async function played(server: Server): Promise<{ orders: Shown[][]; points: Set<string>; keyframes: Shown[] }> {
+async function played(
+  server: Server,
+  changed: (live: Live) => void = () => {},
+): Promise<{ orders: Shown[][]; points: Set<string>; keyframes: Shown[] }> {
   const orders: Shown[][] = [];
   const points = new Set<string>();
   let keyframes: Shown[] = [];
@@ -60,7 +77,8 @@ async function played(server: Server): Promise<{ orders: Shown[][]; points: Set<
   const { fetch } = globalThis;
   globalThis.fetch = async (address) => server(String(address));
   try {
-    await new Live(viewer as unknown as ConstructorParameters<typeof Live>[0], 1, () => {}).poll();
+    const live: Live = new Live(viewer as unknown as ConstructorParameters<typeof Live>[0], 1, () => changed(live));
+    await live.poll();
   } finally {
     globalThis.fetch = fetch;
   }
@@ -69,12 +87,40 @@ async function played(server: Server): Promise<{ orders: Shown[][]; points: Set<
 
 const matrix = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0];
 const reply = (version: number, more: object): Response => {
-  const unchanged = { page_version: 1, version, state_version: 1, reset: false, done: false, clouds: [], removed: [] };
+  const unchanged = { page_version: 1, version, state_version: 1, reset: false, done: false, clouds: [], removed: [], photos: [], total_points: 0 };
   return new Response(JSON.stringify({ ...unchanged, ...more }));
 };
 const block = (): Response => new Response(new Uint8Array(32));
 const cloudOf = (id: string): object => ({ id, points_version: 1, matrix });
 const poses = (...ids: string[]): object[] => ids.map((id) => ({ id, matrix }));
+
+test("landmarks, photo and progress are there before the points", async () => {
+  const seen: unknown[] = [];
+  const news = {
+    total_points: 9,
+    stage: "densify",
+    share: 0.25,
+    seconds_left: 90,
+    landmarks: { version: 4, matrix },
+    photos: ["3", "7"],
+    newest_photo: "3",
+    trajectory: poses("3"),
+    clouds: [cloudOf("3")],
+  };
+  const replies = [reply(1, news), reply(2, { photos: ["7"], newest_photo: "7", report: "report/a.html", done: true })];
+  const { keyframes } = await played(
+    (address) => {
+      if (address.startsWith("live/changes")) return replies.shift()!;
+      seen.push(address);
+      return address === "live/landmarks/4" ? new Response(new Float32Array([1, 2, 3])) : block();
+    },
+    ({ newestPhoto, totalPoints, progress, report }) => seen.push([newestPhoto?.address, totalPoints, progress.share, progress.secondsLeft, report]),
+  );
+  const first = ["live/photos/3?1", 9, 0.25, 90, ""];
+  assert.deepEqual(seen.slice(1, 4), [first, "live/landmarks/4", "live/points/3/1"]);
+  assert.deepEqual(seen.at(-1), ["live/photos/7?1", 0, null, null, "report/a.html"]);
+  assert.equal((keyframes[0] as { photo?: string }).photo, "live/photos/3?1");
+});
 
 test("requests for points end before the next poll, also if one of them fails", async (context) => {
   context.mock.method(console, "warn", () => {});
