@@ -96,20 +96,25 @@ ExrHeader exr_header(BinaryInput& file) {
   return header;
 }
 
-/// The channel that holds depth: the only one, or one of these names.
-std::size_t exr_depth_channel(const BinaryInput& file, const ExrHeader& header) {
-  std::size_t found = header.channels.size() == 1 ? 0 : header.channels.size();
+/// The channels that hold depth: the only one, one of these names, or the three of a gray image.
+std::vector<std::size_t> exr_depth_channels(const BinaryInput& file, const ExrHeader& header) {
+  std::vector<std::size_t> found, colors;
   std::string names;
   for (std::size_t i = 0; i < header.channels.size(); ++i) {
     const std::string& name = header.channels[i].name;
     names += (names.empty() ? "" : ", ") + name;
-    const bool is_depth = name == "Z" || name == "depth" || name == "Y";
-    if (found == header.channels.size() && is_depth) found = i;
+    const bool is_depth = name == "Z" || name == "depth" || name == "Y" || name == "V";
+    if (found.empty() && (is_depth || header.channels.size() == 1)) found = {i};
+    if (name == "R" || name == "G" || name == "B") colors.push_back(i);
   }
-  if (found == header.channels.size()) {
-    file.refuse("its channels are " + names + "; expected a single one, or one that is named Z, depth or Y");
+  if (found.empty() && colors.size() == 3) found = colors;
+  if (found.empty()) {
+    file.refuse("its channels are " + names +
+                "; expected a single one, one that is named Z, depth, Y or V, or R, G and B of equal values");
   }
-  if (header.channels[found].bytes < 0) file.refuse("its depth is in whole numbers; expected half or float");
+  if (std::any_of(found.begin(), found.end(), [&](std::size_t i) { return header.channels[i].bytes < 0; })) {
+    file.refuse("its depth is in whole numbers; expected half or float");
+  }
   return found;
 }
 
@@ -279,9 +284,15 @@ std::vector<ImageChannel> read_exr(const std::filesystem::path& path, const std:
 
 Image<float> read_exr_depth(const std::filesystem::path& path) {
   ExrReader file(path);
-  std::vector<ImageChannel> channels = file.read(
-      [&](const ExrHeader& header) { return std::vector<std::size_t>{exr_depth_channel(file.file(), header)}; });
-  return std::move(channels.front().values);
+  std::vector<ImageChannel> channels =
+      file.read([&](const ExrHeader& header) { return exr_depth_channels(file.file(), header); });
+  Image<float>& depth = channels.front().values;
+  const auto same = [](float a, float b) { return a == b || (std::isnan(a) && std::isnan(b)); };
+  for (const ImageChannel& channel : channels) {
+    if (std::equal(depth.pixels().begin(), depth.pixels().end(), channel.values.pixels().begin(), same)) continue;
+    file.file().refuse("its channels R, G, B differ, as in an image of colours; expected depth, the same in all three");
+  }
+  return std::move(depth);
 }
 
 Image<float> read_npy(const std::filesystem::path& path) {

@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include <cmath>
+#include <fstream>
 
 #include "elementary.h"
 #include "eval/eval_flight.h"
@@ -25,7 +26,7 @@ class Bench {
  public:
   explicit Bench(const Flight& f, int truth_height = 120) : flight(f) {
     flight.write_truth(folder_.path(), truth_height);
-    truth = std::make_unique<GroundTruth>(folder_.path(), 10.0);
+    truth = std::make_unique<GroundTruth>(folder_.path(), TruthOptions{});
     alignment = align(flight.keyframes(), truth->trajectory());
     surface = build_surface(*truth, surface_options());
     view_options.height = kViewHeight;
@@ -273,4 +274,52 @@ TEST_CASE("a point in a wall's plane, but far beside the wall, is wrong") {
   cloud.points = {{0.02F, 0.02F, 2.0F}, {0.55F, 0.0F, 2.0F}, {1.5F, 0.0F, 2.0F}, {0.0F, -2.5F, 2.0F}};
   CHECK(at(measure_cloud(cloud, wall).relative, 0.05).accuracy == 0.5);
   CHECK(at(measure_cloud(cloud, wall).absolute, 0.1).accuracy == 0.5);
+}
+
+TEST_CASE("a scan is a truth for accuracy and completeness, not for visibility") {
+  const TempDir folder;
+  const Flight flight(pmsp_test::sphere(2.0), 5, 0.5);
+  write_tum(folder / "traj_tum.txt", flight.truth());
+  const auto write_scan = [&](const std::string& name, const std::vector<Eigen::Vector3d>& points) {
+    std::ofstream file(folder / name);
+    file << "ply\nformat ascii 1.0\nelement vertex " << points.size()
+         << "\nproperty double x\nproperty double y\nproperty double z\nend_header\n";
+    for (const auto& p : points) file << p.x() << ' ' << p.y() << ' ' << p.z() << '\n';
+  };
+  auto scan = pmsp_test::sphere_points(2.0, 0.02);
+  scan.emplace_back(90.0, 0.0, 0.0);  // farther than anything is measured
+  write_scan("cloud.ply", scan);
+  const GroundTruth truth(folder.path(), {});
+  CHECK(truth.range_maps().empty());
+  CHECK(truth.cloud() == folder / "cloud.ply");
+  const Surface surface = build_surface(truth, Bench::surface_options());
+  REQUIRE(surface.positions.size() > 10000);
+  CHECK(surface.weights.empty());
+  for (std::size_t i = 0; i < surface.positions.size(); i += 97) {
+    const Eigen::Vector3f radial = (surface.positions[i] + truth.origin().cast<float>()).normalized();
+    CHECK(std::abs(surface.normals[i].dot(radial)) > 0.995F);
+    CHECK(surface.spacings[i] > 0.01F);
+    CHECK(surface.spacings[i] < 0.05F);
+  }
+
+  // A cloud of one half, 3 cm too far out.
+  std::vector<Eigen::Vector3d> points;
+  for (const Eigen::Vector3d& p : pmsp_test::sphere_points(2.03, 0.02)) {
+    if (p.z() > 0.0) points.push_back(p);
+  }
+  CloudMeasureOptions options;
+  options.absolute_m = {0.02, 0.05};
+  options.max_points = options.max_truth = 0;
+  const CloudMeasures m = measure_cloud(align_cloud(points, flight.truth(), {}, truth.origin()), surface, options);
+  CHECK(m.error_median_m == Approx(0.03).margin(0.002));
+  CHECK(at(m.absolute, 0.02).accuracy == 0.0);
+  CHECK(at(m.absolute, 0.05).accuracy == 1.0);
+  CHECK(at(m.absolute, 0.05).completeness == Approx(0.5).margin(0.02));
+  CHECK(std::isnan(at(m.absolute, 0.05).completeness_visible));
+  CHECK(std::isnan(at(m.absolute, 0.05).f_visible()));
+
+  write_scan("cloud.ply", {{90.0, 0.0, 0.0}});
+  CHECK_THROWS_WITH(build_surface(truth), Catch::Contains("cloud.ply") && Catch::Contains("frame and unit"));
+  pmsp_test::write_text(folder / "cloud.ply", "ply\nbroken");
+  CHECK_THROWS_AS(build_surface(truth), pmsp::InvalidInput);
 }

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
 
+#include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 
 #include <sys/wait.h>
@@ -231,6 +233,102 @@ TEST_CASE("confidence beside the depth maps gives a calibration and its plot") {
   pmsp::write_pfm(m.folder.path() / "depth" / "confidence_000042.pfm", pmsp::Image<float>(8, 4));
   CHECK(m.run(command) == 3);
   CHECK_THAT(m.err, Catch::Contains("confidence_000042.pfm") && Catch::Contains("8 x 4"));
+}
+
+TEST_CASE("published figures of depth maps are in the table and in the JSON") {
+  Mission m;
+  const std::string command = "depth depth --gt gt --map map.msg --time-offset=-1763660000.25 --json f.json";
+  REQUIRE(m.run(command) == 0);
+  CHECK_THAT(m.out, Catch::Contains("AbsRel") && Catch::Contains("one scale, of the alignment") &&
+                        !Catch::Contains("normals   mean"));
+  json depth = json::parse(read_text(m.folder / "f.json"))["depth"];
+  for (const json* of : {&depth["mean"], &depth["per_keyframe"][3]}) {
+    for (const char* weighting : {"plain", "solid_angle"}) {  // all depths are 1.5 % too large
+      CHECK((*of)[weighting]["abs_rel"].get<double>() == Approx(0.015).margin(3e-4));
+      CHECK((*of)[weighting]["log10"].get<double>() == Approx(std::log10(1.015)).margin(2e-4));
+      CHECK((*of)[weighting]["delta_1"] == 1.0);
+      CHECK((*of)[weighting]["normal_mean_deg"].is_null());
+    }
+  }
+
+  // Normals: of the truth in its world, of the depth maps in the frames of the cameras.
+  std::filesystem::create_directory(m.folder / "gt/normal");
+  for (std::size_t i = 0; i < 5; ++i) {
+    const pmsp::RigidTransform& pose = m.flight.truth()[i].world_from_cam;
+    const pmsp::Image<float> range = m.flight.range(i, 30);
+    pmsp::Image<Eigen::Vector3f> world(60, 30, Eigen::Vector3f::Zero()), camera = world;
+    for (int y = 0; y < 30; ++y) {
+      for (int x = 0; x < 60; ++x) {
+        const Eigen::Vector3d ray = pose.rotation * pmsp::bearing_from_pixel({x + 0.5, y + 0.5}, 60, 30);
+        const Eigen::Vector3d normal = -(pose.translation + static_cast<double>(range(x, y)) * ray) / 4.0;
+        world(x, y) = normal.cast<float>();
+        camera(x, y) = (pose.rotation.transpose() * normal).cast<float>();
+      }
+    }
+    pmsp::write_pfm(m.folder / ("gt/normal/" + std::to_string(i) + "_normal.pfm"), world);
+    pmsp::write_pfm(m.folder / ("depth/normal_00004" + std::to_string(i) + ".pfm"), camera);
+  }
+  REQUIRE(m.run(command + " --own-scales") == 0);
+  CHECK_THAT(m.out, Catch::Contains("normals   mean") && Catch::Contains("own scale of each depth map"));
+  depth = json::parse(read_text(m.folder / "f.json"))["depth"]["mean"];
+  CHECK(depth["plain"]["normal_mean_deg"].get<double>() < 0.01);
+  CHECK(depth["solid_angle"]["normal_11_25"] == 1.0);
+  CHECK(depth["plain"]["abs_rel"].get<double>() < 1e-3);
+
+  const pmsp::Image<float> range = m.flight.range(0, 30);
+  pmsp::Image<float> estimate = pmsp::read_pfm(m.folder / "depth/depth_000040.pfm");
+  for (std::size_t i = 0; i < range.size(); ++i) estimate.pixels()[i] *= range.pixels()[i] > 4.1F ? 2.0F : 1.0F;
+  pmsp::write_pfm(m.folder / "depth/depth_000040.pfm", estimate);
+  REQUIRE(m.run(command) == 0);
+  CHECK(json::parse(read_text(m.folder / "f.json"))["depth"]["mean"]["plain"]["delta_3"].get<double>() < 0.99);
+  REQUIRE(m.run(command + " --gt-max-range 4.05") == 0);
+  CHECK(json::parse(read_text(m.folder / "f.json"))["depth"]["mean"]["plain"]["delta_1"] == 1.0);
+  CHECK(m.run(command + " --gt-max-range 1") == 0);
+  CHECK(json::parse(read_text(m.folder / "f.json"))["depth"]["mean"]["plain"]["rmse"].is_null());
+  write_text(m.folder / "gt/normal/0_normal.pfm", "PF\n4 4\n-1\n" + std::string(192, '\0'));
+  CHECK(m.run(command) == 3);
+  CHECK_THAT(m.err, Catch::Contains("0_normal.pfm") && Catch::Contains("4 x 4"));
+}
+
+TEST_CASE("the poses of a map may be the truth, with range maps by keyframe id") {
+  Mission m;
+  const double scale = m.flight.truth_from_map().scale;
+  std::filesystem::create_directories(m.folder / "own/range");
+  for (std::size_t i = 0; i < 5; ++i) {
+    pmsp::Image<float> range = m.flight.range(i, 30);
+    for (float& value : range.pixels()) value /= static_cast<float>(scale);  // the map's unit
+    pmsp::write_exr(m.folder / ("own/range/0004" + std::to_string(i) + "_depth.exr"), {{"V", range}});
+  }
+  const std::string command = "depth depth --gt own --map map.msg --json f.json";
+  CHECK(m.run(command) == 3);  // no traj_tum.txt
+  CHECK_THAT(m.err, Catch::Contains("traj_tum.txt"));
+  CHECK(m.run(command + " --map-is-truth --no-align") == 2);
+  REQUIRE(m.run(command + " --map-is-truth") == 0);
+  CHECK_THAT(m.out, Catch::Contains("poses of the map are the truth, 5 keyframes") && Catch::Contains("no scaling"));
+  const json depth = json::parse(read_text(m.folder / "f.json"))["depth"];
+  CHECK(depth["keyframes"] == 5);
+  CHECK(depth["mean"]["plain"]["abs_rel"].get<double>() == Approx(0.015).margin(1e-5));
+  REQUIRE(m.run("cloud cloud.ply --gt own --map map.msg --map-is-truth --view-height 30 --json f.json") == 0);
+  CHECK(json::parse(read_text(m.folder / "f.json"))["views"]["correct"].get<double>() > 0.99);
+
+  std::filesystem::copy(m.folder / "own/range/00040_depth.exr", m.folder / "own/range/40.exr");
+  CHECK(m.run(command + " --map-is-truth") == 3);
+  CHECK_THAT(m.err, Catch::Contains("frame 40 has a second file"));
+  std::filesystem::rename(m.folder / "own/range/40.exr", m.folder / "own/range/50.exr");
+  CHECK(m.run(command + " --map-is-truth") == 3);
+  CHECK_THAT(m.err, Catch::Contains("no keyframe 50"));
+
+  // A PNG of eighths of a metre.
+  std::filesystem::remove_all(m.folder / "own/range");
+  std::filesystem::create_directory(m.folder / "own/range");
+  pmsp::write_png16(m.folder / "own/range/000042.png", pmsp::Image<float>(60, 30, 2.5F), 8.0);
+  CHECK(m.run(command + " --map-is-truth") == 3);
+  CHECK_THAT(m.err, Catch::Contains("--gt-png-scale"));
+  REQUIRE(m.run("depth depth/depth_000042.pfm --gt own --map map.msg --map-is-truth --gt-png-scale 0.125 --json -") ==
+          0);
+  const double estimate = 1.015 * 4.0 / scale;  // about; from the middle of the sphere
+  CHECK(json::parse(m.out)["depth"]["mean"]["plain"]["abs_rel"].get<double>() ==
+        Approx(std::abs(estimate - 2.5) / 2.5).margin(0.02));
 }
 
 TEST_CASE("the transform in a cloud's header is inverted or refused") {

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <catch2/catch.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include <Eigen/Core>
 
 #include "elementary.h"
 #include "pmsp-eval/depth_measures.h"
@@ -96,6 +99,91 @@ TEST_CASE("a depth map without any estimate has no error") {
   CHECK(mean.valid == Approx(0.5));
   CHECK(mean.within[0].share == Approx(0.5));
   CHECK(mean.error_median == 0.0);  // of the one map that has one
+}
+
+TEST_CASE("published figures are those computed by hand") {
+  // Four pixels of one row: d / t = 1, 1.2 (t = 2), 1.5 (t = 4), 1 / 2 (t = 1); a second row without estimates.
+  Image<float> known(4, 2, 1.0F), depth(4, 2, 0.0F);
+  const float t[4] = {1.0F, 2.0F, 4.0F, 1.0F}, d[4] = {1.0F, 2.4F, 6.0F, 0.5F};
+  std::copy(t, t + 4, known.row(0));
+  std::copy(d, d + 4, depth.row(0));
+  const DepthMeasures m = measure_depth(depth, known);
+  for (const DepthFigures* figures : {&m.plain, &m.solid_angle}) {  // all weights are equal
+    CHECK(figures->abs_rel == Approx((0.0 + 0.2 + 0.5 + 0.5) / 4.0).epsilon(1e-6));
+    CHECK(figures->sq_rel == Approx((0.0 + 0.16 / 2.0 + 4.0 / 4.0 + 0.25) / 4.0).epsilon(1e-6));
+    CHECK(figures->rmse == Approx(std::sqrt((0.16 + 4.0 + 0.25) / 4.0)).epsilon(1e-6));
+    CHECK(figures->log10 == Approx((std::log10(1.2) + std::log10(1.5) + std::log10(2.0)) / 4.0).epsilon(1e-6));
+    CHECK(figures->delta_1 == 0.5);   // 1, 1.2
+    CHECK(figures->delta_2 == 0.75);  // 1.5 < 1.5625
+    CHECK(figures->delta_3 == 0.75);  // 2 > 1.953
+    CHECK(std::isnan(figures->normal_mean_deg));
+    CHECK(std::isnan(figures->normal_30));
+  }
+  CHECK(m.valid == 0.5);
+}
+
+TEST_CASE("published figures by solid angle weigh rows by the cosine of their latitude") {
+  // Rows at latitudes 67.5, 22.5, -22.5, -67.5 degrees with errors of 10, 20, 30, 40 % at 2 m.
+  Image<float> depth(8, 4);
+  for (int y = 0; y < 4; ++y) std::fill_n(depth.row(y), 8, 2.0F * (1.1F + 0.1F * static_cast<float>(y)));
+  const DepthMeasures m = measure_depth(depth, Image<float>(8, 4, 2.0F));
+  const double near = std::cos(22.5 * pmsp::kernels::kDegree), far = std::cos(67.5 * pmsp::kernels::kDegree);
+  const double total = 2.0 * (near + far);
+  CHECK(m.plain.abs_rel == Approx(0.25).epsilon(1e-6));
+  CHECK(m.solid_angle.abs_rel == Approx((0.5 * far + 0.5 * near) / total).epsilon(1e-6));
+  CHECK(m.solid_angle.sq_rel == Approx(2.0 * ((0.01 + 0.16) * far + (0.04 + 0.09) * near) / total).epsilon(1e-6));
+  CHECK(m.solid_angle.rmse ==
+        Approx(2.0 * std::sqrt(((0.01 + 0.16) * far + (0.04 + 0.09) * near) / total)).epsilon(1e-6));
+  CHECK(m.solid_angle.log10 ==
+        Approx(((std::log10(1.1) + std::log10(1.4)) * far + (std::log10(1.2) + std::log10(1.3)) * near) / total)
+            .epsilon(1e-6));
+  CHECK(m.plain.delta_1 == 0.5);
+  CHECK(m.solid_angle.delta_1 == Approx(0.5));
+  CHECK(m.plain.delta_2 == 1.0);
+}
+
+TEST_CASE("errors of normals are angles, plain and by solid angle") {
+  const auto tilted = [](double degrees) {
+    const double a = degrees * pmsp::kernels::kDegree;
+    return Eigen::Vector3f(static_cast<float>(std::sin(a)), 0.0F, static_cast<float>(-std::cos(a)));
+  };
+  // Rows by latitude: 10, 20, 25 and 90 degrees off; one pixel of each is unknown on either side.
+  const double angles[4] = {10.0, 20.0, 25.0, 90.0};
+  Image<Eigen::Vector3f> normals(8, 4, tilted(0.0)), known = normals;
+  for (int y = 0; y < 4; ++y) {
+    std::fill_n(normals.row(y), 8, tilted(angles[y]));
+    normals(2, y) = Eigen::Vector3f::Zero();
+    known(5, y) = Eigen::Vector3f::Zero();
+  }
+  DepthMeasures m = measure_depth(Image<float>(8, 4, 2.0F), Image<float>(8, 4, 2.0F));
+  measure_normals(normals, known, m);
+  const double near = std::cos(22.5 * pmsp::kernels::kDegree), far = std::cos(67.5 * pmsp::kernels::kDegree);
+  const double total = 2.0 * (near + far);
+  CHECK(m.plain.normal_mean_deg == Approx((10.0 + 20.0 + 25.0 + 90.0) / 4.0).epsilon(1e-5));
+  CHECK(m.plain.normal_median_deg == Approx(20.0).epsilon(1e-5));
+  CHECK(m.plain.normal_11_25 == Approx(0.25));
+  CHECK(m.plain.normal_22_5 == Approx(0.5));
+  CHECK(m.plain.normal_30 == Approx(0.75));
+  CHECK(m.solid_angle.normal_mean_deg == Approx((100.0 * far + 45.0 * near) / total).epsilon(1e-5));
+  CHECK(m.solid_angle.normal_11_25 == Approx(far / total));
+  CHECK(m.solid_angle.normal_22_5 == Approx((far + near) / total));
+  CHECK(m.solid_angle.normal_30 == Approx((far + 2.0 * near) / total));
+  CHECK(m.plain.abs_rel == 0.0);  // kept
+  measure_normals({}, known, m);
+  CHECK(std::isnan(m.plain.normal_median_deg));
+}
+
+TEST_CASE("the mean of published figures skips depth maps without them") {
+  Image<float> depth(4, 2, 1.0F);
+  depth(0, 0) = 1.5F;
+  const DepthMeasures half = measure_depth(depth, Image<float>(4, 2, 1.0F));
+  const DepthMeasures none = measure_depth(Image<float>(4, 2), Image<float>(4, 2, 1.0F));
+  CHECK(std::isnan(none.plain.abs_rel));
+  CHECK(std::isnan(none.solid_angle.delta_1));
+  const DepthMeasures mean = mean_of({half, none, half});
+  CHECK(mean.plain.abs_rel == half.plain.abs_rel);
+  CHECK(mean.solid_angle.rmse == half.solid_angle.rmse);
+  CHECK(std::isnan(mean.plain.normal_mean_deg));
 }
 
 TEST_CASE("slack takes the best true value nearby, across the seam") {

@@ -50,7 +50,7 @@ TEST_CASE("ground truth is found by frame number and time") {
   const Flight flight(pmsp_test::sphere(4.0), 5, 1.0);
   flight.write_truth(folder.path(), 16);
   std::filesystem::remove(folder.path() / "range_mm" / "000003.png");
-  const GroundTruth truth(folder.path(), 10.0);
+  const GroundTruth truth(folder.path(), {});
   CHECK(truth.range_maps().size() == 4);
   REQUIRE(truth.find(4) != nullptr);
   CHECK(truth.find(4)->frame == 4);
@@ -66,7 +66,7 @@ TEST_CASE("ranges may also come as PFM in metres") {
   write_tum(folder / "traj_tum.txt", flight.truth());
   std::filesystem::create_directory(folder / "range");
   pmsp::write_pfm(folder.path() / "range" / "000001.pfm", flight.range(1, 16));
-  const GroundTruth truth(folder.path(), 10.0);
+  const GroundTruth truth(folder.path(), {});
   REQUIRE(truth.range_maps().size() == 1);
   CHECK(truth.range_maps()[0].row == 1);
   CHECK(GroundTruth::load(truth.range_maps()[0])(7, 5) == flight.range(1, 16)(7, 5));
@@ -75,19 +75,19 @@ TEST_CASE("ranges may also come as PFM in metres") {
 TEST_CASE("broken ground truth is refused") {
   const TempDir folder;
   const Flight flight(pmsp_test::sphere(4.0), 5, 1.0);
-  CHECK_THROWS_AS(GroundTruth(folder / "missing", 10.0), pmsp::IoError);
-  CHECK_THROWS_AS(GroundTruth(folder.path(), 10.0), pmsp::IoError);
+  CHECK_THROWS_AS(GroundTruth(folder / "missing", {}), pmsp::IoError);
+  CHECK_THROWS_AS(GroundTruth(folder.path(), {}), pmsp::IoError);
   write_tum(folder / "traj_tum.txt", flight.truth());
-  CHECK_THROWS_WITH(GroundTruth(folder.path(), 10.0), Catch::Contains("range_mm"));
+  CHECK_THROWS_WITH(GroundTruth(folder.path(), {}), Catch::Contains("range_mm"));
   flight.write_truth(folder.path(), 16);
-  CHECK_THROWS_WITH(GroundTruth(folder.path(), 3.0), Catch::Contains("--gt-fps"));
+  CHECK_THROWS_WITH(GroundTruth(folder.path(), TruthOptions{3.0}), Catch::Contains("--gt-fps"));
   write_text(folder.path() / "range_mm" / "000002.png", "no picture");
-  const GroundTruth truth(folder.path(), 10.0);
+  const GroundTruth truth(folder.path(), {});
   CHECK_THROWS_AS(GroundTruth::load(truth.range_maps()[2]), pmsp::Error);
   auto backwards = flight.truth();
   std::swap(backwards[1], backwards[2]);
   write_tum(folder / "traj_tum.txt", backwards);
-  CHECK_THROWS_WITH(GroundTruth(folder.path(), 10.0), Catch::Contains("earlier"));
+  CHECK_THROWS_WITH(GroundTruth(folder.path(), {}), Catch::Contains("earlier"));
 }
 
 TEST_CASE("numbers in file names") {

@@ -165,7 +165,7 @@ TEST_CASE("label images are found beside the range maps and reach the measures o
   const pmsp_test::TempDir folder;
   const pmsp_test::Flight flight(pmsp_test::sphere(4.0), 3, 0.3);
   flight.write_truth(folder.path(), 60);
-  const GroundTruth truth(folder.path(), 10.0);
+  const GroundTruth truth(folder.path(), {});
   CHECK(GroundTruth::load_labels(truth.range_maps()[0]).empty());
 
   std::filesystem::create_directory(folder / "label");

@@ -108,6 +108,24 @@ TEST_CASE("the depth of an own EXR is read back") {
   CHECK_THROWS_WITH(read_exr_depth(dir / "two.exr"), Contains("G, R"));
 }
 
+TEST_CASE("depth that Blender writes is read") {
+  const TempDir dir;
+  write_exr(dir / "v.exr", {{"A", Image<float>(6, 3, 1.0F)}, {"V", depth_ramp(6, 3)}});
+  CHECK(read_exr_depth(dir / "v.exr").pixels() == depth_ramp(6, 3).pixels());
+  std::vector<std::uint16_t> bits(16 * 8, 0x4248);  // 3.140625
+  bits[3] = 0x7c00;                                 // the sky: 1e10 is infinite as half
+  write_text(dir / "half.exr", zip_exr(16, 8, bits, "V"));
+  CHECK(read_exr_depth(dir / "half.exr")(0, 0) == 3.140625F);
+  CHECK(std::isinf(read_exr_depth(dir / "half.exr")(3, 0)));
+
+  Image<float> ramp = depth_ramp(6, 3);
+  ramp(2, 2) = std::nanf("");
+  write_exr(dir / "gray.exr", {{"R", ramp}, {"G", ramp}, {"B", ramp}});
+  CHECK(read_exr_depth(dir / "gray.exr")(5, 2) == ramp(5, 2));
+  write_exr(dir / "color.exr", {{"R", ramp}, {"G", ramp}, {"B", depth_ramp(6, 3)}});
+  CHECK_THROWS_WITH(read_exr_depth(dir / "color.exr"), Contains("R, G, B differ"));
+}
+
 TEST_CASE("a packed EXR of halves is read") {
   const TempDir dir;
   const int width = 64, height = 40;                                                  // not a whole number of blocks

@@ -19,10 +19,10 @@ struct AlignmentOptions {
 
 struct Alignment {
   Similarity truth_from_map;
-  std::string method;            ///< "positions", "positions and orientations" (path on a line) or "none"
-  std::vector<int> truth_row;    ///< per keyframe: row in the true trajectory, -1 = none
-  int matched = 0;               ///< keyframes with a true pose
-  int shared_timestamps = 0;     ///< keyframes skipped because of a repeated timestamp
+  std::string method;          ///< "positions", "positions and orientations" (path on a line), "none" or "map is truth"
+  std::vector<int> truth_row;  ///< per keyframe: row in the true trajectory, -1 = none
+  int matched = 0;             ///< keyframes with a true pose
+  int shared_timestamps = 0;   ///< keyframes skipped because of a repeated timestamp
   double position_rmse_m = 0.0;  ///< after alignment
   double position_max_m = 0.0;
   double rotation_median_deg = 0.0;
@@ -35,5 +35,8 @@ struct Alignment {
 /// matched positions coincide.
 Alignment align(const std::vector<TimedPose>& keyframes, const std::vector<TimedPose>& truth,
                 const AlignmentOptions& options = {});
+
+/// Returns the alignment of keyframes whose poses are the true trajectory.
+Alignment align_with_itself(const std::vector<TimedPose>& keyframes);
 
 }  // namespace pmsp::eval

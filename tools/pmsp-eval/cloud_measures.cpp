@@ -90,7 +90,8 @@ std::vector<Coverage> measure_coverage(const AlignedCloud& cloud, const Surface&
   parallel_chunks(samples.size(), kPointsPerTask, options.threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) {
       const auto camera = cameras.find(surface.positions[i], static_cast<float>(options.max_range_m));
-      if (camera) samples[i] = {std::numeric_limits<float>::infinity(), camera->distance, surface.weights[i]};
+      const float weight = surface.weights.empty() ? 1.0F : surface.weights[i];
+      if (camera) samples[i] = {std::numeric_limits<float>::infinity(), camera->distance, weight};
     }
   });
   std::vector<std::uint32_t> kept;
@@ -188,6 +189,10 @@ CloudMeasures measure_cloud(const AlignedCloud& cloud, const Surface& surface, c
       result.error_p90_relative);
   for (const double t : options.relative) result.relative.push_back(score(errors, coverage, t, true));
   for (const double t : options.absolute_m) result.absolute.push_back(score(errors, coverage, t, false));
+  if (!surface.weights.empty()) return result;
+  for (auto* scores : {&result.relative, &result.absolute}) {
+    for (CloudScore& s : *scores) s.completeness_visible = std::numeric_limits<double>::quiet_NaN();
+  }
   return result;
 }
 

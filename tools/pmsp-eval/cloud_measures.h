@@ -37,16 +37,17 @@ struct CloudMeasureOptions {
 /// Shares, 0 to 1, at one threshold.
 struct CloudScore {
   double threshold = 0.0;
-  double accuracy = 0.0;              ///< of cloud points within the threshold of the surface
-  double accuracy_point = 0.0;        ///< as `accuracy`, by distance to the nearest sample instead of its plane
-  double completeness = 0.0;          ///< of surface samples within the threshold of a cloud point
-  double completeness_visible = 0.0;  ///< as `completeness`, samples weighted by their solid angle in all views
+  double accuracy = 0.0;        ///< of cloud points within the threshold of the surface
+  double accuracy_point = 0.0;  ///< as `accuracy`, by distance to the nearest sample instead of its plane
+  double completeness = 0.0;    ///< of surface samples within the threshold of a cloud point
+  /// As `completeness`, samples weighted by their solid angle in all views; NaN for scans.
+  double completeness_visible = 0.0;
 
   double f() const { return harmonic(accuracy, completeness); }
   double f_visible() const { return harmonic(accuracy, completeness_visible); }
 
  private:
-  static double harmonic(double a, double b) { return a + b > 0.0 ? 2.0 * a * b / (a + b) : 0.0; }
+  static double harmonic(double a, double b) { return a + b == 0.0 ? 0.0 : 2.0 * a * b / (a + b); }
 };
 
 struct CloudMeasures {

@@ -28,6 +28,14 @@ std::vector<TimedPose> read_keyframes(const CommonArguments& common) {
   return common.map.empty() ? read_tum(common.trajectory) : trajectory_of(read_map(common.map));
 }
 
+GroundTruth read_truth(const CommonArguments& common, const std::vector<TimedPose>& keyframes) {
+  return {common.truth, {common.truth_fps, common.truth_png_scale, common.map_is_truth ? &keyframes : nullptr}};
+}
+
+Alignment align(const CommonArguments& common, const std::vector<TimedPose>& keyframes, const GroundTruth& truth) {
+  return common.map_is_truth ? align_with_itself(keyframes) : align(keyframes, truth.trajectory(), common.alignment);
+}
+
 /// Reads positions only, to save memory.
 std::vector<Eigen::Vector3d> positions_of(CloudReader& cloud, const Similarity& target_from_cloud) {
   std::vector<Eigen::Vector3d> positions;
@@ -176,9 +184,9 @@ std::optional<Calibration> calibrate_all(std::vector<std::vector<ConfidenceSampl
 void run_cloud(const CommonArguments& common, CloudArguments arguments) {
   arguments.surface.threads = arguments.measures.threads = arguments.views.threads = common.threads;
   arguments.measures.voxel_m = arguments.surface.voxel_m;
-  const GroundTruth truth(common.truth, common.truth_fps);
   const std::vector<TimedPose> keyframes = read_keyframes(common);
-  const Alignment alignment = align(keyframes, truth.trajectory(), common.alignment);
+  const GroundTruth truth = read_truth(common, keyframes);
+  const Alignment alignment = align(common, keyframes, truth);
   const std::unique_ptr<CloudReader> file = open_cloud(arguments.cloud);
   std::string frame;
   const Similarity map_from_cloud = keyframes_from_cloud(file->info(), common, arguments, frame);
@@ -198,20 +206,21 @@ void run_cloud(const CommonArguments& common, CloudArguments arguments) {
   json["alignment"] = to_json(alignment);
   json["points_not_finite"] = cloud.dropped;
   json["views"] = to_json(views);
-  json["behind"] = to_json(behind);
+  json["behind"] = views.truth.empty() ? Json() : to_json(behind);
   json["floating"] = to_json(floating);
   json["surface"] = to_json(measures);
   deliver(common, json,
           "cloud       " + arguments.cloud.string() + "\n" + frame + to_table(alignment) +
-              to_table(views, arguments.views) + table_of_behind(behind, label_options) + table_of_floating(floating) +
+              to_table(views, arguments.views) +
+              (views.truth.empty() ? "" : table_of_behind(behind, label_options) + table_of_floating(floating)) +
               to_table(measures));
 }
 
 void run_depth(const CommonArguments& common, DepthArguments arguments) {
   const auto files = list_depth_files(arguments.inputs, arguments.png_scale, arguments.keyframe);
-  const GroundTruth truth(common.truth, common.truth_fps);
   const std::vector<TimedPose> keyframes = read_keyframes(common);
-  const Alignment alignment = align(keyframes, truth.trajectory(), common.alignment);
+  const GroundTruth truth = read_truth(common, keyframes);
+  const Alignment alignment = align(common, keyframes, truth);
   arguments.measures.scale = arguments.labels.scale = alignment.truth_from_map.scale;
   const auto pairs = pair_with_truth(files, keyframes, alignment, truth);
   if (!arguments.render.folder.empty()) make_folder(arguments.render.folder);
@@ -223,12 +232,17 @@ void run_depth(const CommonArguments& common, DepthArguments arguments) {
     const std::int64_t id = pairs[i].file.keyframe_id;
     const Image<float> depth = load_depth(pairs[i].file.path, arguments.png_scale);
     Image<float> error;
-    const Image<float> range = GroundTruth::load(*pairs[i].truth);
+    Image<float> range = GroundTruth::load(*pairs[i].truth);
+    if (arguments.max_true_range_m > 0.0) {
+      for (float& value : range.pixels()) value = value > arguments.max_true_range_m ? 0.0F : value;
+    }
     DepthMeasureOptions measures = arguments.measures;
     LabelOptions labels = arguments.labels;
     if (arguments.own_scales) measures.scale = labels.scale = own_scale(depth, range);
     maps[i] = {id, depth.width(), depth.height(), measure_depth(depth, range, measures, &error), {}};
     maps[i].labels = measure_labels(depth, error, range, GroundTruth::load_labels(*pairs[i].truth), labels);
+    const Image<Eigen::Vector3f> true_normals = truth.load_normals(*pairs[i].truth);
+    if (!true_normals.empty()) measure_normals(load_normals(pairs[i].file.path), true_normals, maps[i].measures);
     samples[i] = samples_of(pairs[i], error, pairs.size());
     if (wanted.count(id) > 0) {
       write_depth_error_image(arguments.render.folder / numbered_name("depth_error_", id, ".png"), error, 720);
@@ -245,13 +259,17 @@ void run_depth(const CommonArguments& common, DepthArguments arguments) {
     write_calibration_plot(arguments.calibration, *calibration);
   }
 
+  const std::string scaling = arguments.own_scales                                ? "own scale of each depth map"
+                              : alignment.method == "none" || common.map_is_truth ? "no scaling"
+                                                                                  : "one scale, of the alignment";
   Json json = input_json(common);
   json["alignment"] = to_json(alignment);
+  json["scale"] = scaling;
   json["without_truth"] = files.size() - pairs.size();
   json["depth"] = to_json(maps);
   json["calibration"] = calibration ? to_json(*calibration) : Json();
   std::string table =
-      to_table(alignment) + to_table(maps, arguments.labels) + (calibration ? to_table(*calibration) : "");
+      to_table(alignment) + to_table(maps, scaling, arguments.labels) + (calibration ? to_table(*calibration) : "");
   if (files.size() > pairs.size()) {
     table += "  " + std::to_string(files.size() - pairs.size()) + " further depth maps have no truth\n";
   }

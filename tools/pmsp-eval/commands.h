@@ -22,7 +22,9 @@ struct CommonArguments {
   std::filesystem::path map;         ///< either map or trajectory is set
   std::filesystem::path trajectory;  ///< TUM
   AlignmentOptions alignment;
+  bool map_is_truth = false;  ///< the poses of the keyframes are the truth; range maps are named by keyframe id
   double truth_fps = 10.0;
+  double truth_png_scale = 0.0;  ///< of range/<frame>.png [m]; 0 = not set
   int threads = 0;
   std::string json;  ///< path; "-" = standard output, "" = none
 };
@@ -49,6 +51,7 @@ struct DepthArguments {
   LabelOptions labels;
   RenderArguments render;
   bool own_scales = false;            ///< scales each map separately, see own_scale
+  double max_true_range_m = 0.0;      ///< farther pixels do not count; 0 = all
   std::filesystem::path calibration;  ///< plot; empty = none
 };
 

@@ -29,6 +29,15 @@ void add_folder(const fs::path& folder, const char* extension, std::vector<Depth
   }
 }
 
+/// Path of another image of the same keyframe as a depth map, "" = missing. `prefix`: "confidence_".
+fs::path file_beside(const fs::path& depth_path, const std::string& prefix) {
+  const std::string name = depth_path.filename().string();
+  if (!number_in_name(depth_path, "depth_", depth_path.extension().string())) return {};
+  fs::path path = depth_path.parent_path() / (prefix + name.substr(6));
+  path.replace_extension(".pfm");
+  return fs::exists(path) ? path : fs::path();
+}
+
 }  // namespace
 
 std::optional<std::int64_t> number_in_name(const fs::path& path, const std::string& prefix,
@@ -86,11 +95,8 @@ Image<float> load_depth(const fs::path& path, double png_scale) {
 }
 
 Image<float> load_confidence(const fs::path& depth_path, int width, int height) {
-  const std::string name = depth_path.filename().string();
-  if (!number_in_name(depth_path, "depth_", depth_path.extension().string())) return {};
-  fs::path path = depth_path.parent_path() / ("confidence_" + name.substr(6));
-  path.replace_extension(".pfm");
-  if (!fs::exists(path)) return {};
+  const fs::path path = file_beside(depth_path, "confidence_");
+  if (path.empty()) return {};
   Image<float> confidence = read_pfm(path);
   if (confidence.width() != width || confidence.height() != height) {
     throw InvalidInput(path.string() + ": the confidence has " + std::to_string(confidence.width()) + " x " +
@@ -98,6 +104,17 @@ Image<float> load_confidence(const fs::path& depth_path, int width, int height) 
                        std::to_string(height));
   }
   return confidence;
+}
+
+Image<Eigen::Vector3f> load_normals(const fs::path& depth_path) {
+  const fs::path path = file_beside(depth_path, "normal_");
+  if (path.empty()) return {};
+  Image<Eigen::Vector3f> normals = read_pfm3(path);
+  if (normals.empty() || normals.width() != 2 * normals.height()) {
+    throw InvalidInput(path.string() + ": the image of normals has " + std::to_string(normals.width()) + " x " +
+                       std::to_string(normals.height()) + " pixels, expected twice as wide as high");
+  }
+  return normals;
 }
 
 }  // namespace pmsp::eval

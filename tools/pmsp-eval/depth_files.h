@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "pmsp/types.h"
 
 namespace pmsp::eval {
@@ -31,5 +33,8 @@ Image<float> load_depth(const std::filesystem::path& path, double png_scale);
 
 /// Reads confidence_<id>.pfm beside depth_<id>.*, of the same size; empty = missing. Throws IoError, InvalidInput.
 Image<float> load_confidence(const std::filesystem::path& depth_path, int width, int height);
+
+/// Reads normal_<id>.pfm beside depth_<id>.*; empty = missing. Throws IoError, InvalidInput.
+Image<Eigen::Vector3f> load_normals(const std::filesystem::path& depth_path);
 
 }  // namespace pmsp::eval

@@ -3,7 +3,11 @@
 
 #include <cmath>
 #include <limits>
+#include <utility>
 
+#include <Eigen/Geometry>
+
+#include "elementary.h"
 #include "pmsp-eval/ground_truth.h"
 #include "pmsp-eval/image_compare.h"
 #include "pmsp-eval/statistics.h"
@@ -20,15 +24,30 @@ Image<float> in_metres(const Image<float>& depth, double scale) {
   return metres;
 }
 
-double mean_without_nan(const std::vector<DepthMeasures>& maps, double DepthMeasures::*field) {
+/// `value(map)`: NaN = undefined.
+template <class Value>
+double mean_without_nan(const std::vector<DepthMeasures>& maps, const Value& value) {
   double sum = 0.0;
   int count = 0;
   for (const DepthMeasures& map : maps) {
-    if (std::isnan(map.*field)) continue;
-    sum += map.*field;
+    const double v = value(map);
+    if (std::isnan(v)) continue;
+    sum += v;
     ++count;
   }
   return count > 0 ? sum / count : std::numeric_limits<double>::quiet_NaN();
+}
+
+double mean_without_nan(const std::vector<DepthMeasures>& maps, double DepthMeasures::*field) {
+  return mean_without_nan(maps, [field](const DepthMeasures& map) { return map.*field; });
+}
+
+DepthFigures mean_figures(const std::vector<DepthMeasures>& maps, DepthFigures DepthMeasures::*which) {
+  DepthFigures mean;
+  for (const DepthFigure& figure : kDepthFigures) {
+    mean.*figure.value = mean_without_nan(maps, [&](const DepthMeasures& map) { return (map.*which).*figure.value; });
+  }
+  return mean;
 }
 
 }  // namespace
@@ -36,7 +55,9 @@ double mean_without_nan(const std::vector<DepthMeasures>& maps, double DepthMeas
 DepthMeasures measure_depth(const Image<float>& depth, const Image<float>& truth, const DepthMeasureOptions& options,
                             Image<float>* error) {
   const Image<float> metres = in_metres(depth, options.scale);
-  Image<float> relative = relative_error(metres, truth, options.slack_px);
+  const Image<float> ranges = true_ranges(metres, truth, options.slack_px);
+  Image<float> relative(depth.width(), depth.height(), std::numeric_limits<float>::quiet_NaN());
+  DepthFigureSums plain, solid_angle;
   Share valid;
   std::vector<Share> within(options.relative.size());
   std::vector<Share> of_valid(options.relative.size());
@@ -44,20 +65,21 @@ DepthMeasures measure_depth(const Image<float>& depth, const Image<float>& truth
   for (int y = 0; y < depth.height(); ++y) {
     const double weight = row_weight(y, depth.height());
     for (int x = 0; x < depth.width(); ++x) {
-      float& e = relative(x, y);
-      if (std::isnan(e)) continue;
-      const bool known = metres(x, y) > 0.0F;
+      const float estimate = metres(x, y), range = ranges(x, y);
+      if (std::isnan(range)) continue;
+      const float e = std::abs(estimate - range) / range;
+      const bool known = estimate > 0.0F;
       valid.add(known, true, weight);
       for (std::size_t t = 0; t < options.relative.size(); ++t) {
         const bool good = known && e < static_cast<float>(options.relative[t]);
         within[t].add(good, true, weight);
         of_valid[t].add(good, known, weight);
       }
-      if (known) {
-        errors.push_back(e);
-      } else {
-        e = std::numeric_limits<float>::quiet_NaN();
-      }
+      if (!known) continue;
+      errors.push_back(e);
+      relative(x, y) = e;
+      plain.add_range(static_cast<double>(estimate), static_cast<double>(range), 1.0);
+      solid_angle.add_range(static_cast<double>(estimate), static_cast<double>(range), weight);
     }
   }
   DepthMeasures result;
@@ -68,8 +90,36 @@ DepthMeasures measure_depth(const Image<float>& depth, const Image<float>& truth
   }
   result.error_median = percentile(errors, 50.0);
   result.error_p90 = percentile(errors, 90.0);
+  result.plain = plain.result();
+  result.solid_angle = solid_angle.result();
   if (error != nullptr) *error = std::move(relative);
   return result;
+}
+
+void measure_normals(const Image<Eigen::Vector3f>& normals, const Image<Eigen::Vector3f>& truth,
+                     DepthMeasures& measures) {
+  const auto is_normal = [](const Eigen::Vector3f& n) { return n.allFinite() && n.squaredNorm() > 0.25F; };
+  DepthFigureSums plain, solid_angle;
+  for (int y = 0; y < normals.height(); ++y) {
+    const double weight = row_weight(y, normals.height());
+    const Eigen::Vector3f* const there = truth.row(centre_index(y, normals.height(), truth.height()));
+    for (int x = 0; x < normals.width(); ++x) {
+      const Eigen::Vector3f& a = normals(x, y);
+      const Eigen::Vector3f& b = there[centre_index(x, normals.width(), truth.width())];
+      if (!is_normal(a) || !is_normal(b)) continue;
+      const float angle = std::atan2(a.cross(b).norm(), a.dot(b)) * static_cast<float>(180.0 / kernels::kPi);
+      plain.add_normal(angle, 1.0);
+      solid_angle.add_normal(angle, weight);
+    }
+  }
+  for (const auto& [sums, figures] :
+       {std::pair{&plain, &measures.plain}, std::pair{&solid_angle, &measures.solid_angle}}) {
+    const DepthFigures result = sums->result();
+    for (std::size_t i = kRangeFigures; i < kDepthFigures.size(); ++i) {
+      double DepthFigures::*const value = kDepthFigures[i].value;
+      figures->*value = result.*value;
+    }
+  }
 }
 
 double own_scale(const Image<float>& depth, const Image<float>& truth) {
@@ -90,6 +140,8 @@ DepthMeasures mean_of(const std::vector<DepthMeasures>& maps) {
   mean.valid_solid_angle = mean_without_nan(maps, &DepthMeasures::valid_solid_angle);
   mean.error_median = mean_without_nan(maps, &DepthMeasures::error_median);
   mean.error_p90 = mean_without_nan(maps, &DepthMeasures::error_p90);
+  mean.plain = mean_figures(maps, &DepthMeasures::plain);
+  mean.solid_angle = mean_figures(maps, &DepthMeasures::solid_angle);
   mean.within = maps.front().within;
   for (std::size_t t = 0; t < mean.within.size(); ++t) {
     DepthMeasures::Within sum{mean.within[t].threshold, 0.0, 0.0, 0.0};

@@ -3,30 +3,91 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <optional>
 #include <string>
 #include <system_error>
 
-#include "pmsp-eval/depth_files.h"
 #include "pmsp/error.h"
 #include "pmsp/io/depth.h"
+#include "util/number_from.h"
+#include "util/numbered_name.h"
 
 namespace pmsp::eval {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<GroundTruth::RangeMap> list_range_maps(const fs::path& folder) {
-  std::vector<GroundTruth::RangeMap> maps;
-  for (const auto& [name, extension] : {std::pair{"range_mm", ".png"}, std::pair{"range", ".pfm"}}) {
-    std::error_code error;
-    for (fs::directory_iterator it(folder / name, error), end; !error && it != end; it.increment(error)) {
-      const auto frame = number_in_name(it->path(), "", extension);
-      if (frame) maps.push_back({*frame, -1, it->path()});
+/// Returns the number that a name begins with: 12 for "00012.exr" and "00012_depth.exr"; nullopt for other names.
+std::optional<std::int64_t> frame_in_name(const fs::path& path) {
+  const std::string stem = path.stem().string();
+  const std::size_t end = std::min(stem.find('_'), stem.size());
+  return number_from<std::int64_t>(digits_in_name(stem.substr(0, end), "", ""));
+}
+
+/// Returns the files of a folder with one of the endings, by frame; empty without such a folder.
+std::map<std::int64_t, fs::path> list_frames(const fs::path& folder, const std::vector<std::string>& endings) {
+  std::map<std::int64_t, fs::path> files;
+  std::error_code error;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const fs::path& path = it->path();
+    if (std::find(endings.begin(), endings.end(), path.extension().string()) == endings.end()) continue;
+    const auto frame = frame_in_name(path);
+    if (!frame) continue;
+    const auto [other, is_new] = files.emplace(*frame, path);
+    if (!is_new) {
+      throw InvalidInput(path.string() + ": frame " + std::to_string(*frame) + " has a second file, " +
+                         other->second.filename().string() + "; expected one");
     }
-    if (!maps.empty()) break;
   }
-  std::sort(maps.begin(), maps.end(), [](const auto& a, const auto& b) { return a.frame < b.frame; });
+  return files;
+}
+
+std::vector<GroundTruth::RangeMap> list_range_maps(const fs::path& folder, double png_scale) {
+  auto files = list_frames(folder / "range_mm", {".png"});
+  double gray_m = 0.001;
+  if (files.empty()) {
+    files = list_frames(folder / "range", {".pfm", ".exr", ".npy", ".png"});
+    gray_m = png_scale;
+  }
+  const auto normals = list_frames(folder / "normal", {".exr", ".pfm", ".png"});
+  std::vector<GroundTruth::RangeMap> maps;
+  for (const auto& [frame, path] : files) {
+    const auto normal = normals.find(frame);
+    maps.push_back({frame, -1, path, gray_m, normal == normals.end() ? fs::path() : normal->second});
+  }
   return maps;
+}
+
+fs::path find_cloud(const fs::path& folder) {
+  std::error_code ignored;
+  for (const char* name : {"cloud.ply", "cloud.las"}) {
+    if (fs::exists(folder / name, ignored)) return folder / name;
+  }
+  return {};
+}
+
+template <class T>
+void check_panorama(const Image<T>& image, const fs::path& path, const char* what) {
+  if (!image.empty() && image.width() == 2 * image.height()) return;
+  throw InvalidInput(path.string() + ": the " + what + " has " + std::to_string(image.width()) + " x " +
+                     std::to_string(image.height()) + " pixels, expected twice as wide as high");
+}
+
+/// Channels X, Y, Z of an EXR.
+Image<Eigen::Vector3f> read_exr_normals(const fs::path& path) {
+  const std::vector<std::string> names{"X", "Y", "Z"};
+  const std::vector<ImageChannel> channels = read_exr(path, names);
+  if (channels.size() != names.size()) {
+    throw InvalidInput(path.string() + ": has " + std::to_string(channels.size()) +
+                       " of the channels X, Y, Z, expected all, half or float: normals in the world of the poses");
+  }
+  Image<Eigen::Vector3f> normals(channels[0].values.width(), channels[0].values.height(), Eigen::Vector3f::Zero());
+  for (const ImageChannel& channel : channels) {
+    const auto axis = std::find(names.begin(), names.end(), channel.name) - names.begin();
+    for (std::size_t i = 0; i < normals.size(); ++i) normals.pixels()[i][axis] = channel.values.pixels()[i];
+  }
+  return normals;
 }
 
 int row_at(const std::vector<TimedPose>& trajectory, double time) {
@@ -50,11 +111,25 @@ std::vector<TimedPose> read_true_trajectory(const fs::path& folder) {
   return trajectory;
 }
 
-GroundTruth::GroundTruth(const fs::path& folder, double fps)
-    : trajectory_(read_true_trajectory(folder)), range_maps_(list_range_maps(folder)) {
-  if (range_maps_.empty()) {
-    throw InvalidInput(folder.string() + ": no range maps; expected range_mm/<frame>.png or range/<frame>.pfm");
+GroundTruth::GroundTruth(const fs::path& folder, const TruthOptions& options)
+    : trajectory_(options.poses != nullptr ? *options.poses : read_true_trajectory(folder)),
+      range_maps_(list_range_maps(folder, options.png_scale)),
+      cloud_(find_cloud(folder)) {
+  if (range_maps_.empty() && cloud_.empty()) {
+    throw InvalidInput(folder.string() +
+                       ": no truth; expected range maps, range_mm/<frame>.png or range/<frame>.pfm, .exr, .npy, .png, "
+                       "or scanned points, cloud.ply or cloud.las");
   }
+  if (options.poses != nullptr) {
+    place_by_id();
+  } else {
+    place_by_time(options.fps);
+  }
+  for (const TimedPose& pose : trajectory_) origin_ += pose.world_from_cam.translation;
+  origin_ = (origin_ / static_cast<double>(trajectory_.size())).array().round();
+}
+
+void GroundTruth::place_by_time(double fps) {
   for (RangeMap& map : range_maps_) {
     const double time = static_cast<double>(map.frame) / fps;
     map.row = row_at(trajectory_, time);
@@ -64,8 +139,18 @@ GroundTruth::GroundTruth(const fs::path& folder, double fps)
                          " frames per second; set --gt-fps to the rate that the frame numbers count in");
     }
   }
-  for (const TimedPose& pose : trajectory_) origin_ += pose.world_from_cam.translation;
-  origin_ = (origin_ / static_cast<double>(trajectory_.size())).array().round();
+}
+
+void GroundTruth::place_by_id() {
+  for (RangeMap& map : range_maps_) {
+    const auto pose =
+        std::find_if(trajectory_.begin(), trajectory_.end(), [&](const TimedPose& p) { return p.id == map.frame; });
+    if (pose == trajectory_.end()) {
+      throw InvalidInput(map.path.string() + ": the map has no keyframe " + std::to_string(map.frame) +
+                         "; with --map-is-truth range maps are named by keyframe id");
+    }
+    map.row = static_cast<int>(pose - trajectory_.begin());
+  }
 }
 
 const GroundTruth::RangeMap* GroundTruth::find(int row) const {
@@ -75,22 +160,36 @@ const GroundTruth::RangeMap* GroundTruth::find(int row) const {
 }
 
 Image<float> GroundTruth::load(const RangeMap& map) {
-  Image<float> range = map.path.extension() == ".pfm" ? read_pfm(map.path) : read_png16(map.path, 0.001);
-  if (range.empty() || range.width() != 2 * range.height()) {
-    throw InvalidInput(map.path.string() + ": the range map has " + std::to_string(range.width()) + " x " +
-                       std::to_string(range.height()) + " pixels, expected twice as wide as high");
+  const std::string extension = map.path.extension().string();
+  if (extension == ".png" && !(map.gray_m > 0.0)) {
+    throw InvalidInput(map.path.string() + ": a PNG of range/ needs --gt-png-scale, the length of one gray level [m]");
   }
+  Image<float> range = extension == ".pfm"   ? read_pfm(map.path)
+                       : extension == ".exr" ? read_exr_depth(map.path)
+                       : extension == ".npy" ? read_npy(map.path)
+                                             : read_png16(map.path, map.gray_m);
+  check_panorama(range, map.path, "range map");
   return range;
+}
+
+Image<Eigen::Vector3f> GroundTruth::load_normals(const RangeMap& map) const {
+  if (map.normal.empty()) return {};
+  const std::string extension = map.normal.extension().string();
+  Image<Eigen::Vector3f> normals = extension == ".exr"   ? read_exr_normals(map.normal)
+                                   : extension == ".pfm" ? read_pfm3(map.normal)
+                                                         : read_png16_normals(map.normal);
+  check_panorama(normals, map.normal, "image of normals");
+  const Eigen::Matrix3f cam_from_world =
+      trajectory_[static_cast<std::size_t>(map.row)].world_from_cam.rotation.transpose().cast<float>();
+  for (Eigen::Vector3f& normal : normals.pixels()) normal = cam_from_world * normal;
+  return normals;
 }
 
 Image<std::uint8_t> GroundTruth::load_labels(const RangeMap& map) {
   const fs::path path = map.path.parent_path().parent_path() / "label" / (map.path.stem().string() + ".png");
   if (!fs::exists(path)) return {};
   const Image<float> values = read_png16(path, 1.0);
-  if (values.empty() || values.width() != 2 * values.height()) {
-    throw InvalidInput(path.string() + ": the label image has " + std::to_string(values.width()) + " x " +
-                       std::to_string(values.height()) + " pixels, expected twice as wide as high");
-  }
+  check_panorama(values, path, "label image");
   Image<std::uint8_t> labels(values.width(), values.height());
   std::transform(values.pixels().begin(), values.pixels().end(), labels.pixels().begin(),
                  [](float value) { return static_cast<std::uint8_t>(std::min(value, 255.0F)); });

@@ -13,13 +13,20 @@
 namespace pmsp::eval {
 namespace {
 
-float best_error(float estimate, const Image<float>& truth, int x, int y, int slack_px) {
-  float best = std::numeric_limits<float>::infinity();
+/// Of the true ranges around a pixel, that with the least relative error; NaN = all unknown.
+float best_range(float estimate, const Image<float>& truth, int x, int y, int slack_px) {
+  float best = std::numeric_limits<float>::quiet_NaN();
+  float least = std::numeric_limits<float>::infinity();
   for (int dy = -slack_px; dy <= slack_px; ++dy) {
     const int row = std::clamp(y + dy, 0, truth.height() - 1);
     for (int dx = -slack_px; dx <= slack_px; ++dx) {
       const float range = truth(((x + dx) % truth.width() + truth.width()) % truth.width(), row);
-      if (is_range(range)) best = std::min(best, std::abs(estimate - range) / range);
+      if (!is_range(range)) continue;
+      const float error = std::abs(estimate - range) / range;
+      if (error < least || std::isnan(best)) {
+        best = range;
+        least = error;
+      }
     }
   }
   return best;
@@ -49,21 +56,30 @@ float range_at(const Image<float>& truth, double x, double y) {
   return static_cast<float>(1.0 / inverse);
 }
 
-Image<float> relative_error(const Image<float>& estimate, const Image<float>& truth, int slack_px) {
-  Image<float> error(estimate.width(), estimate.height(), std::numeric_limits<float>::quiet_NaN());
+Image<float> true_ranges(const Image<float>& estimate, const Image<float>& truth, int slack_px) {
+  Image<float> ranges(estimate.width(), estimate.height(), std::numeric_limits<float>::quiet_NaN());
   for (int y = 0; y < estimate.height(); ++y) {
     const int truth_y = centre_index(y, estimate.height(), truth.height());
     for (int x = 0; x < estimate.width(); ++x) {
       const int truth_x = centre_index(x, estimate.width(), truth.width());
       if (!is_range(truth(truth_x, truth_y))) continue;
       if (slack_px > 0) {
-        error(x, y) = best_error(estimate(x, y), truth, truth_x, truth_y, slack_px);
+        ranges(x, y) = best_range(estimate(x, y), truth, truth_x, truth_y, slack_px);
       } else {
         const float range = range_at(truth, (x + 0.5) * truth.width() / estimate.width(),
                                      (y + 0.5) * truth.height() / estimate.height());
-        if (is_range(range)) error(x, y) = std::abs(estimate(x, y) - range) / range;
+        if (is_range(range)) ranges(x, y) = range;
       }
     }
+  }
+  return ranges;
+}
+
+Image<float> relative_error(const Image<float>& estimate, const Image<float>& truth, int slack_px) {
+  Image<float> error = true_ranges(estimate, truth, slack_px);
+  for (std::size_t i = 0; i < error.size(); ++i) {
+    float& range = error.pixels()[i];
+    range = std::abs(estimate.pixels()[i] - range) / range;
   }
   return error;
 }

@@ -28,10 +28,13 @@ Image<T> resampled(const Image<T>& image, int width, int height) {
 /// that of the nearest pixel.
 float range_at(const Image<float>& truth, double x, double y);
 
-/// Returns |estimate - truth| / truth per pixel of `estimate`, NaN where the truth is unknown. Both images cover the
-/// whole sphere, in any size; truth is range_at of the pixel centre. With `slack_px` > 0 the best of (2 * slack_px +
-/// 1)^2 true values around the centre counts, to tolerate half a pixel at edges. Unknown estimates (0) have error 1, to
-/// be excluded by the caller.
+/// Returns the true range of each pixel of `estimate`, NaN = unknown. Both images cover the whole sphere, in any size;
+/// truth is range_at of the pixel centre. With `slack_px` > 0 it is the nearest to the estimate of (2 * slack_px + 1)^2
+/// true values around the centre, to tolerate half a pixel at edges.
+Image<float> true_ranges(const Image<float>& estimate, const Image<float>& truth, int slack_px);
+
+/// Returns |estimate - truth| / truth per pixel of `estimate`, NaN where the truth is unknown, with the truth of
+/// true_ranges. Unknown estimates (0) have error 1, to be excluded by the caller.
 Image<float> relative_error(const Image<float>& estimate, const Image<float>& truth, int slack_px);
 
 /// Solid angle of a pixel in row y, up to a constant factor: cos(latitude).

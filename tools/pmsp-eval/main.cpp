@@ -32,8 +32,9 @@ void add_common(CLI::App& app, Arguments& a, bool truth_required) {
   CLI::Option* truth =
       app.add_option("--gt", a.common.truth,
                      "Directory of ground truth: traj_tum.txt, and range_mm/<frame>.png (16-bit, mm) or "
-                     "range/<frame>.pfm (m); optional label/<frame>.png (16-bit: 1 thin object, "
-                     "2 mirroring surface, 3 behind glass, 0 other) for figures by label");
+                     "range/<frame>.pfm, .exr, .npy (m) or .png; optional normal/<frame>.exr (channels X, Y, Z, in "
+                     "the world of the poses), .pfm or .png; optional label/<frame>.png (16-bit: 1 thin object, "
+                     "2 mirroring surface, 3 behind glass, 0 other) for figures by label; names may go on after _");
   truth->required(truth_required)->type_name("DIR");
   CLI::Option_group* poses = app.add_option_group("keyframes", "Poses of the keyframes, one of:");
   poses->add_option("--map", a.common.map, "Map of the keyframes, in any format of pmsp-densify")->type_name("FILE");
@@ -52,7 +53,14 @@ void add_common(CLI::App& app, Arguments& a, bool truth_required) {
       ->capture_default_str()
       ->check(CLI::Range(1e-6, kLarge))
       ->type_name("S");
-  app.add_flag("--no-align", a.no_align, "No alignment by a similarity: map and truth have the same frame and unit");
+  CLI::Option* no_align = app.add_flag("--no-align", a.no_align,
+                                       "No alignment by a similarity: map and truth have the same frame and unit");
+  if (truth_required) {
+    app.add_flag("--map-is-truth", a.common.map_is_truth,
+                 "The poses of the keyframes are the truth [m]: no alignment and no traj_tum.txt; range maps are named "
+                 "by keyframe id")
+        ->excludes(no_align);
+  }
   app.add_option("--json", a.common.json,
                  "Write all figures as JSON; - = standard output (the table then goes to stderr)")
       ->type_name("FILE");
@@ -81,6 +89,10 @@ void add_measuring(CLI::App& app, Arguments& a, RenderArguments& render) {
       ->capture_default_str()
       ->check(CLI::Range(1e-3, kLarge))
       ->type_name("FPS");
+  app.add_option("--gt-png-scale", a.common.truth_png_scale,
+                 "Length of one gray level of the 16-bit PNGs range/<frame>.png [m]; no default")
+      ->check(CLI::Range(1e-12, kLarge))
+      ->type_name("M");
   add_thresholds(app, "--relative", a.relative_percent, "Thresholds relative to distance [%]");
   app.add_option("--render", render.folder, "Write error pictures (PNG) into this directory")->type_name("DIR");
   app.add_option("--render-keyframes", render.keyframes, "Keyframes with a picture, evenly spread; 0 = all")
@@ -144,7 +156,9 @@ CLI::App* add_depth(CLI::App& app, Arguments& a) {
                          "  pmsp-eval depth estimate.pfm --keyframe 42 --gt gt --map map.msg --json -\n"
                          "  pmsp-eval depth depth_maps/ --gt gt --map map.msg --calibration calibration.png\n\n"
                          "Measures depth maps against the true range of their keyframes, pixel by pixel, and errors "
-                         "over confidence.");
+                         "over confidence: shares within thresholds of all pixels, and the usual figures (AbsRel, "
+                         "SqRel, RMSE, log10, shares of ratios below 1.25^n, normals) of those with an estimate, "
+                         "plain and by solid angle.");
   depth
       ->add_option("inputs", a.depth.inputs,
                    "Directories of depth_<keyframe id>.pfm (with --png-scale: .png), or single files")
@@ -163,6 +177,9 @@ CLI::App* add_depth(CLI::App& app, Arguments& a) {
       "--own-scales", a.depth.own_scales,
       "One scale per depth map (median of truth / estimate) instead of one for all: excludes the scale drift "
       "of a SLAM");
+  depth->add_option("--gt-max-range", a.depth.max_true_range_m, "True range beyond which pixels do not count [m]")
+      ->check(CLI::Range(1e-2, kLarge))
+      ->type_name("M");
   add_number(*depth, "--slack", a.depth.measures.slack_px,
              "Pixels of the range map about the true one that also count [px]", 0, 100);
   add_number(*depth, "--correct", a.correct_percent,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp-eval/nearest_point.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <nanoflann.hpp>
@@ -73,6 +74,16 @@ std::optional<NearestPoint::Hit> NearestPoint::find(const Eigen::Vector3f& point
   impl_->tree.findNeighbors(best, point.data(), nanoflann::SearchParams());
   if (!best.found()) return std::nullopt;
   return Hit{best.index(), std::sqrt(best.worstDist())};
+}
+
+std::vector<NearestPoint::Hit> NearestPoint::find_several(const Eigen::Vector3f& point, std::size_t count) const {
+  count = std::min(count, impl_->set.points.size());
+  std::vector<std::uint32_t> indices(count);
+  std::vector<float> squared(count);
+  if (count > 0) impl_->tree.knnSearch(point.data(), count, indices.data(), squared.data());
+  std::vector<Hit> hits(count);
+  for (std::size_t i = 0; i < count; ++i) hits[i] = {indices[i], std::sqrt(squared[i])};
+  return hits;
 }
 
 }  // namespace pmsp::eval

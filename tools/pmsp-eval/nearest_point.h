@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -26,6 +27,9 @@ class NearestPoint {
   /// Returns nullopt if no point is nearer than `max_distance`.
   std::optional<Hit> find(const Eigen::Vector3f& point,
                           float max_distance = std::numeric_limits<float>::infinity()) const;
+
+  /// Returns the `count` nearest points, or all if they are fewer, by distance.
+  std::vector<Hit> find_several(const Eigen::Vector3f& point, std::size_t count) const;
 
  private:
   struct Impl;

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "pmsp-eval/report.h"
 
+#include <cmath>
+#include <utility>
+
 #include "util/text.h"
 
 namespace pmsp::eval {
@@ -31,12 +34,16 @@ Json to_json(const View& view) {
   return json;
 }
 
+/// "-" for NaN.
+std::string figure(double value, const char* form) { return std::isnan(value) ? "-" : number_text(value, form); }
+
 std::string score_lines(const std::vector<CloudScore>& scores, double factor, const char* unit) {
   std::string text;
   for (const CloudScore& s : scores) {
     const std::string threshold = format("%g %s", s.threshold * factor, unit);
-    text += format("  %-10s %7.2f %%   %7.2f %%   %7.2f %%   %6.4f   %6.4f\n", threshold.c_str(), 100.0 * s.accuracy,
-                   100.0 * s.completeness, 100.0 * s.completeness_visible, s.f(), s.f_visible());
+    text += format("  %-10s %7.2f %%   %7.2f %%   %9s   %6.4f   %6s\n", threshold.c_str(), 100.0 * s.accuracy,
+                   100.0 * s.completeness, figure(100.0 * s.completeness_visible, "%.2f %%").c_str(), s.f(),
+                   figure(s.f_visible(), "%.4f").c_str());
   }
   return text;
 }
@@ -58,6 +65,29 @@ std::string depth_line(const std::string& name, const DepthMeasures& m) {
   std::string line = format("  %-10s %7.2f", name.c_str(), 100.0 * m.valid);
   for (const auto& within : m.within) line += format("   %7.2f", 100.0 * within.share);
   return line + format("   %7.3f   %7.3f\n", 100.0 * m.error_median, 100.0 * m.error_p90);
+}
+
+Json to_json(const DepthFigures& figures) {
+  Json json = Json::object();
+  for (const DepthFigure& figure : kDepthFigures) json[figure.name] = figures.*figure.value;
+  return json;
+}
+
+std::string figure_lines(const DepthMeasures& m, const std::string& scaling) {
+  std::string text = "figures     of the pixels with an estimate, mean of the keyframes; " + scaling + "\n";
+  text += "                AbsRel  SqRel [m]   RMSE [m]      log10     < 1.25   < 1.25^2   < 1.25^3\n";
+  const auto rows = [&](std::size_t begin, std::size_t end) {
+    for (const auto& [name, figures] : {std::pair{"plain", &m.plain}, std::pair{"solid angle", &m.solid_angle}}) {
+      text += format("  %-11s", name);
+      for (std::size_t i = begin; i < end; ++i) text += format(" %10.4f", figures->*kDepthFigures[i].value);
+      text += "\n";
+    }
+  };
+  rows(0, kRangeFigures);
+  if (std::isnan(m.plain.normal_mean_deg)) return text;
+  text += "  normals   mean [deg]     median    < 11.25     < 22.5       < 30\n";
+  rows(kRangeFigures, kDepthFigures.size());
+  return text;
 }
 
 Json to_json(const CalibrationBin& bin) {
@@ -160,6 +190,8 @@ Json to_json(const DepthMeasures& m) {
   }
   json["error_median_relative"] = m.error_median;
   json["error_p90_relative"] = m.error_p90;
+  json["plain"] = to_json(m.plain);
+  json["solid_angle"] = to_json(m.solid_angle);
   return json;
 }
 
@@ -204,6 +236,9 @@ Json to_json(const LabelCounts& counts) {
 }
 
 std::string to_table(const Alignment& a) {
+  if (a.method == "map is truth") {
+    return format("alignment   none: the poses of the map are the truth, %zu keyframes\n", a.truth_row.size());
+  }
   std::string text = format("alignment   by %s, %g m per map unit, %d of %zu keyframes matched\n", a.method.c_str(),
                             a.truth_from_map.scale, a.matched, a.truth_row.size()) +
                      format("            position %.4f m rms, %.4f m max; rotation %.3f deg median, %.3f deg max\n",
@@ -237,7 +272,7 @@ std::string to_table(const ViewMeasures& m, const ViewOptions& options) {
   return text + to_table(m.mean.labels, options.labels());
 }
 
-std::string to_table(const std::vector<KeyframeDepth>& maps, const LabelOptions& options) {
+std::string to_table(const std::vector<KeyframeDepth>& maps, const std::string& scaling, const LabelOptions& options) {
   const DepthMeasures mean = mean_of(maps);
   std::string text =
       format("depth       %zu keyframes; all figures in %%, shares of the pixels with truth\n", maps.size());
@@ -250,7 +285,7 @@ std::string to_table(const std::vector<KeyframeDepth>& maps, const LabelOptions&
   for (const auto& within : mean.within) text += format("   %7.2f", 100.0 * within.share_solid_angle);
   text += "\n  of valid          ";
   for (const auto& within : mean.within) text += format("   %7.2f", 100.0 * within.of_valid);
-  return text + "\n" + to_table(labels_of(maps), options);
+  return text + "\n" + figure_lines(mean, scaling) + to_table(labels_of(maps), options);
 }
 
 std::string to_table(const Calibration& c) {

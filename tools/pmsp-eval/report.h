@@ -49,7 +49,8 @@ Json to_json(const LabelCounts& counts);
 std::string to_table(const Alignment& alignment);
 std::string to_table(const CloudMeasures& measures);
 std::string to_table(const ViewMeasures& measures, const ViewOptions& options);
-std::string to_table(const std::vector<KeyframeDepth>& maps, const LabelOptions& options);
+/// `scaling`: how depth maps were scaled.
+std::string to_table(const std::vector<KeyframeDepth>& maps, const std::string& scaling, const LabelOptions& options);
 std::string to_table(const Calibration& calibration);
 std::string to_table(const LabelTable& labels, const LabelOptions& options);
 std::string table_of_behind(const LabelCounts& counts, const LabelOptions& options);

@@ -8,14 +8,17 @@
 #include <optional>
 #include <string>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
 #include "elementary.h"
 #include "pmsp-eval/image_compare.h"
+#include "pmsp-eval/nearest_point.h"
 #include "pmsp-eval/parallel.h"
 #include "pmsp-eval/statistics.h"
 #include "pmsp/camera.h"
 #include "pmsp/error.h"
+#include "pmsp/io/cloud.h"
 
 namespace pmsp::eval {
 namespace {
@@ -94,6 +97,15 @@ class RangeView {
   const Image<float>& range_;
 };
 
+std::array<std::int32_t, 3> cell_of(const Eigen::Vector3d& position, double voxel_m) {
+  const Eigen::Array3d cell = (position / voxel_m).array().floor();
+  if (!(cell.abs().maxCoeff() < kMaxCell)) {
+    throw InvalidInput("the true surface reaches too far for a voxel of " + std::to_string(voxel_m) + " m");
+  }
+  return {static_cast<std::int32_t>(cell.x()), static_cast<std::int32_t>(cell.y()),
+          static_cast<std::int32_t>(cell.z())};
+}
+
 std::vector<Sample> sample_range_map(const Image<float>& range, const RigidTransform& world_from_cam,
                                      const Eigen::Vector3d& origin, const SurfaceOptions& options) {
   const RangeView view(range);
@@ -109,16 +121,8 @@ std::vector<Sample> sample_range_map(const Image<float>& range, const RigidTrans
       const double spacing =
           distance * (kernels::kPi / range.height()) * options.stride / std::max(cos_incidence, kMinCosIncidence);
       const Eigen::Vector3d position = world_from_cam * view.point(x, y) - origin;
-      const Eigen::Array3d cell = (position / options.voxel_m).array().floor();
-      if (!(cell.abs().maxCoeff() < kMaxCell)) {
-        throw InvalidInput("the true trajectory reaches too far for a voxel of " + std::to_string(options.voxel_m) +
-                           " m");
-      }
-      samples.push_back({{static_cast<std::int32_t>(cell.x()), static_cast<std::int32_t>(cell.y()),
-                          static_cast<std::int32_t>(cell.z())},
-                         position.cast<float>(),
-                         (world_from_cam.rotation * *normal).cast<float>(),
-                         static_cast<float>(cos_latitude),
+      samples.push_back({cell_of(position, options.voxel_m), position.cast<float>(),
+                         (world_from_cam.rotation * *normal).cast<float>(), static_cast<float>(cos_latitude),
                          static_cast<float>(spacing)});
     }
   }
@@ -141,9 +145,66 @@ Surface to_columns(const std::vector<Sample>& samples) {
   return surface;
 }
 
+/// Sets normals and spacings of scanned samples from their neighbours.
+void fit_planes(Surface& surface, int threads) {
+  constexpr std::size_t kNeighbours = 12;
+  constexpr std::size_t kAdjacent = 4;  // on a grid
+  surface.normals.resize(surface.positions.size(), Eigen::Vector3f::UnitZ());
+  surface.spacings.resize(surface.positions.size(), 0.0F);
+  const NearestPoint tree(surface.positions);
+  parallel_chunks(surface.positions.size(), kPointsPerTask, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const auto hits = tree.find_several(surface.positions[i], kNeighbours);
+      Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+      for (const auto& hit : hits) mean += surface.positions[hit.index].cast<double>();
+      mean /= static_cast<double>(hits.size());
+      Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+      for (const auto& hit : hits) {
+        const Eigen::Vector3d offset = surface.positions[hit.index].cast<double>() - mean;
+        covariance += offset * offset.transpose();
+      }
+      const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
+      surface.normals[i] = solver.eigenvectors().col(0).cast<float>();
+      surface.spacings[i] = hits[std::min(kAdjacent, hits.size() - 1)].distance;
+    }
+  });
+}
+
+/// One scanned point per cube within max_range_m of the box around the path.
+Surface surface_of_scan(const GroundTruth& truth, const SurfaceOptions& options) {
+  Eigen::AlignedBox3d box;
+  for (const TimedPose& pose : truth.trajectory()) box.extend(pose.world_from_cam.translation - truth.origin());
+  box.min().array() -= options.max_range_m;
+  box.max().array() += options.max_range_m;
+  std::vector<Sample> samples;
+  std::size_t merged = 0;
+  open_cloud(truth.cloud())->read([&](const OutputPoint* points, std::size_t count) {
+    for (const OutputPoint* point = points; point != points + count; ++point) {
+      const Eigen::Vector3d position = point->position - truth.origin();
+      if (!box.contains(position)) continue;  // also if it is not finite
+      samples.push_back(
+          {cell_of(position, options.voxel_m), position.cast<float>(), Eigen::Vector3f::Zero(), 0.0F, 0.0F});
+    }
+    if (samples.size() - merged > kMergeEvery) {
+      merge_cells(samples);
+      merged = samples.size();
+    }
+  });
+  merge_cells(samples);
+  if (samples.empty()) {
+    throw InvalidInput(truth.cloud().string() + ": has no point within " + std::to_string(options.max_range_m) +
+                       " m of the path, expected a cloud in the frame and unit of the true poses [m]");
+  }
+  Surface surface;
+  for (const Sample& sample : samples) surface.positions.push_back(sample.position);
+  fit_planes(surface, options.threads);
+  return surface;
+}
+
 }  // namespace
 
 Surface build_surface(const GroundTruth& truth, const SurfaceOptions& options) {
+  if (!truth.cloud().empty()) return surface_of_scan(truth, options);
   const auto chosen = spread_indices(truth.range_maps().size(), static_cast<std::size_t>(options.max_frames));
   const auto batch = static_cast<std::size_t>(resolve_threads(options.threads));
   std::vector<Sample> samples;

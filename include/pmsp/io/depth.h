@@ -41,7 +41,8 @@ PMSP_API void write_exr(const std::filesystem::path& path, std::vector<ImageChan
 /// IoError, InvalidInput.
 PMSP_API std::vector<ImageChannel> read_exr(const std::filesystem::path& path, const std::vector<std::string>& names);
 
-/// Reads the only channel of an OpenEXR, or that named Z, depth or Y. Throws IoError, InvalidInput.
+/// Reads the only channel of an OpenEXR, that named Z, depth, Y or V (Blender), or R, G and B if they are equal. Throws
+/// IoError, InvalidInput.
 PMSP_API Image<float> read_exr_depth(const std::filesystem::path& path);
 
 /// Reads a two-dimensional NumPy array of little-endian float16, float32 or float64. Throws IoError, InvalidInput.
