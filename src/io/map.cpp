@@ -23,6 +23,8 @@ extern const MapFormat kOpenMvg;
 extern const MapFormat kNerfstudio;
 extern const MapFormat kMetashape;
 extern const MapFormat kAliceVision;
+extern const MapFormat kOb3d;
+extern const MapFormat kTartanAir;
 extern const MapFormat kTum;
 
 }  // namespace map_detail
@@ -110,8 +112,10 @@ constexpr MapFormat kMsgpack{"MessagePack", nullptr, is_msgpack_map, msgpack_map
 constexpr std::array kFormats{&kSqlite,
                               &kMsgpack,
                               &map_detail::kColmap,
+                              &map_detail::kOb3d,
                               &map_detail::kOpenSfm,
                               &map_detail::kOpenMvg,
+                              &map_detail::kTartanAir,
                               &map_detail::kNerfstudio,
                               &map_detail::kMetashape,
                               &map_detail::kAliceVision,
@@ -162,7 +166,7 @@ SlamMap read_map(const std::filesystem::path& path, const ReadMapOptions& option
   for (const std::string& what : map_formats()) expected += (expected.empty() ? "" : ", ") + what;
   throw InvalidInput(path.string() + ": is no map that can be read: " +
                      (file.is_folder() ? "the directory holds no model of COLMAP (cameras, images, points3D as .bin or "
-                                         ".txt), nor directories 0, 1, ... that do"
+                                         ".txt), nor directories 0, 1, ... that do, nor cameras/*_cam.json (OB3D)"
                                        : "expected " + expected + "; but " + describe(file)));
 }
 

@@ -28,6 +28,7 @@ constexpr const char* kBlanks = " \t\r,;";
 /// Which columns of a line hold what; those of quaternions in the order x, y, z, w.
 struct Columns {
   std::size_t time = 0;
+  std::optional<std::size_t> nanoseconds;  ///< beside whole seconds, as in ROS's messages
   std::array<std::size_t, 3> position{1, 2, 3};
   std::array<std::size_t, 4> rotation{4, 5, 6, 7};
 };
@@ -69,14 +70,16 @@ std::optional<Columns> columns_named(std::string line) {
   if (names.size() > kMostColumns) return std::nullopt;
   std::array<int, 3> position{-1, -1, -1};
   std::array<int, 4> rotation{-1, -1, -1, -1};
-  int time = -1;
+  int time = -1, nanoseconds = -1;
   const auto set = [](int& column, std::size_t i) { column = column < 0 ? static_cast<int>(i) : column; };
   for (std::size_t i = 0; i < names.size(); ++i) {
     const std::string& name = names[i];
     const bool turns = name[0] == 'q' || name.find("quat") != std::string::npos ||
                        name.find("orient") != std::string::npos || name.find("rot") != std::string::npos;
     if (ends_with(name, "idx") || ends_with(name, "index")) continue;
-    if (name.find("time") != std::string::npos || name.find("stamp") != std::string::npos || name == "t") set(time, i);
+    const bool is_time = name.find("time") != std::string::npos || name.find("stamp") != std::string::npos;
+    if (is_time || name == "t" || name == "sec" || name == "secs") set(time, i);
+    if (name == "nsec" || name == "nsecs" || name == "nanosec") set(nanoseconds, i);
     constexpr std::array<const char*, 4> kAxes{"x", "y", "z", "w"};
     for (std::size_t axis = 0; axis < kAxes.size(); ++axis) {
       if (!ends_with(name, kAxes[axis])) continue;
@@ -89,6 +92,7 @@ std::optional<Columns> columns_named(std::string line) {
   if (std::any_of(rotation.begin(), rotation.end(), is_missing)) return std::nullopt;
   Columns columns;
   columns.time = static_cast<std::size_t>(std::max(time, 0));
+  if (time >= 0 && nanoseconds >= 0) columns.nanoseconds = static_cast<std::size_t>(nanoseconds);
   for (std::size_t i = 0; i < 3; ++i) columns.position[i] = static_cast<std::size_t>(position[i]);
   for (std::size_t i = 0; i < 4; ++i) columns.rotation[i] = static_cast<std::size_t>(rotation[i]);
   return columns;
@@ -312,7 +316,8 @@ Trajectory read_trajectory(const std::filesystem::path& path) {
                             : is_order_first ? "; a first line \"# timestamp tx ty tz qx qy qz qw\" selects w last"
                                              : "; a first line \"# timestamp tx ty tz qw qx qy qz\" selects w first"));
   }
-  const std::size_t last = std::max({columns.time, *std::max_element(columns.position.begin(), columns.position.end()),
+  const std::size_t last = std::max({columns.time, columns.nanoseconds.value_or(0),
+                                     *std::max_element(columns.position.begin(), columns.position.end()),
                                      *std::max_element(columns.rotation.begin(), columns.rotation.end())});
   std::size_t unnormalised = 0;
   for (const PoseRow& row : rows) {
@@ -322,6 +327,13 @@ Trajectory read_trajectory(const std::filesystem::path& path) {
     const double time = row.values[columns.time];
     if (!std::isfinite(time)) fail(path, where, "the timestamp is not finite");
     pose.timestamp = has_nanoseconds ? 1e-9 * time : seconds(time);
+    if (columns.nanoseconds) {
+      const double part = row.values[*columns.nanoseconds];
+      if (!(part >= 0.0 && part < 1e9)) {
+        fail(path, where, "the nanoseconds are " + to_message(part) + ", expected 0 to 999999999");
+      }
+      pose.timestamp = time + 1e-9 * part;
+    }
     Eigen::Vector3d center;
     for (std::size_t i = 0; i < 3; ++i) center[static_cast<Eigen::Index>(i)] = row.values[columns.position[i]];
     const std::array<double, 4> xyzw = quaternion_of(row, columns.rotation);

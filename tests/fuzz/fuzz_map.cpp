@@ -50,6 +50,19 @@ std::vector<Case> make_cases(const fs::path& folder) {
   with_body.camera_from_body = folder / "sensor.yaml";
   write_file(with_body.camera_from_body, sensor);
   cases.push_back({folder / "kitti.txt", with_body.camera_from_body, sensor, with_body});
+  const std::string camera =
+      R"([{"id": 0, "width": 64, "height": 32, "extrinsics": {"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],)"
+      R"( "translation": [0, 0, 0]}}])";
+  fs::create_directories(folder / "ob3d/cameras");
+  write_file(folder / "ob3d/cameras/00000_cam.json", camera);
+  cases.push_back({folder / "ob3d", folder / "ob3d/cameras/00000_cam.json", camera, {}});
+  const std::string scene = R"({"trajectory": "P000", "image_size": [64, 32], "depth_scale": 8.0,)"
+                            R"( "frames": [{"source_frame": 1, "image_name": "1.jpg"}]})";
+  const std::string poses = "1 0 0 0 0 0 0 1\n";
+  write_file(folder / "scene.json", scene);
+  write_file(folder / "poses.txt", poses);
+  cases.push_back({folder / "scene.json", folder / "scene.json", scene, {}});
+  cases.push_back({folder / "scene.json", folder / "poses.txt", poses, {}});
   write_file(folder / "map.msg", msgpack_bytes(msgpack_tree(sample_map(), MsgpackVersion::stella_0_3_6)));
   write_sqlite(folder / "map.db", sample_map(), SqliteVersion::stella_0_6_0);
   for (const char* name : {"map.msg", "map.db"}) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "pmsp-densify/exit_code.h"
+#include "pmsp-synth/layouts.h"
 #include "pmsp-synth/mission_files.h"
 #include "synth/mission.h"
 
@@ -32,6 +33,7 @@ struct Arguments {
   synth::Recipe recipe;
   synth_tool::MissionFilesOptions files;
   bool cheap = false;
+  std::string layout;  ///< of a benchmark; "" = a mission
 };
 
 constexpr const char* kFooter = R"(
@@ -51,6 +53,7 @@ Examples:
 
   pmsp-synth --scene corridor --keyframes 10 --width 1920 --noise 2 --gain-drift 0.05 --map-scale 0.7 -o corridor
   pmsp-synth --scene floor --mask-nadir 25 --jpeg 92 -o floor
+  pmsp-synth --layout ob3d -o ob3d && tools/benchmark ob3d ob3d
 
 Exit codes: 0 done, 2 wrong usage, 6 the mission cannot be written.)";
 
@@ -191,8 +194,14 @@ void run(Arguments& arguments) {
   if (arguments.files.mask_nadir_deg > 0.0) {
     synth_tool::add_rig(mission, arguments.files.mask_nadir_deg);
   }
-  synth_tool::write_mission(mission, arguments.files);
   const std::string folder = arguments.files.folder.string();
+  if (!arguments.layout.empty()) {
+    synth_tool::write_layout(arguments.layout, mission, arguments.files);
+    std::cout << folder << ": " << mission.frames.size() << " keyframes of " << mission.width << " x " << mission.height
+              << "\nnext: tools/benchmark " << arguments.layout << " " << folder << "\n";
+    return;
+  }
+  synth_tool::write_mission(mission, arguments.files);
   std::cout << folder << ": scene \"" << arguments.scene << "\", " << mission.frames.size() << " keyframes of "
             << mission.width << " x " << mission.height << ", " << mission.points.size() << " landmarks\n"
             << "next: pmsp-densify run " << folder << "/map.msg --images " << folder << "/images"
@@ -211,7 +220,11 @@ int main(int argc, char** argv) {
     app.add_option("-o,--output", arguments.files.folder, "directory for the mission, made if it does not exist")
         ->required()
         ->option_text("DIR REQUIRED");
-    app.add_flag("--force", arguments.files.overwrite, "replace an existing mission");
+    CLI::Option* force = app.add_flag("--force", arguments.files.overwrite, "replace an existing mission");
+    app.add_option("--layout", arguments.layout,
+                   "instead of these files, those of a published benchmark, for tools/benchmark; without masks")
+        ->check(CLI::IsMember(synth_tool::layout_names()))
+        ->excludes(force);
     add_scene_options(app, arguments);
     add_image_options(app, arguments);
     add_map_options(app, arguments);

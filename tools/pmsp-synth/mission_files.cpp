@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 constexpr double kMillimetres = 1000.0;
 constexpr Rgb kRigColor{24, 24, 26};
 
-void write_image(const fs::path& path, const cv::Mat& image, const std::vector<int>& parameters) {
+void write_mat(const fs::path& path, const cv::Mat& image, const std::vector<int>& parameters) {
   write_file(path, io::encoded(path.extension().string(), image, path.string() + ": cannot be encoded as an image",
                                parameters));
 }
@@ -94,6 +94,12 @@ bool has_labels(const synth::Mission& mission) {
 
 }  // namespace
 
+void write_image(const fs::path& path, const Image<Rgb>& image, int jpeg_quality) {
+  std::vector<int> parameters;
+  if (jpeg_quality > 0) parameters = {cv::IMWRITE_JPEG_QUALITY, jpeg_quality};
+  write_mat(path, bgr_of(image), parameters);
+}
+
 void add_rig(synth::Mission& mission, double radius_deg) {
   mission.mask = Image<std::uint8_t>(mission.width, mission.height, 255);
   for (int y = 0; y < mission.height; ++y) {
@@ -134,12 +140,8 @@ void write_mission(synth::Mission& mission, const MissionFilesOptions& options) 
     const std::int64_t number = static_cast<std::int64_t>(i) * options.frame_step;
     frame.timestamp = static_cast<double>(number) / options.map.fps;
     const std::string name = numbered_name("", number, "");
-    if (options.jpeg_quality > 0) {
-      write_image(options.folder / "images" / (name + ".jpg"), bgr_of(frame.image),
-                  {cv::IMWRITE_JPEG_QUALITY, options.jpeg_quality});
-    } else {
-      write_image(options.folder / "images" / (name + ".png"), bgr_of(frame.image), {});
-    }
+    write_image(options.folder / "images" / (name + (options.jpeg_quality > 0 ? ".jpg" : ".png")), frame.image,
+                options.jpeg_quality);
     write_png16(options.folder / "gt" / "range_mm" / (name + ".png"), frame.depth, kMillimetres);
     if (labels) {
       Image<float> label(frame.label.width(), frame.label.height());
@@ -148,8 +150,8 @@ void write_mission(synth::Mission& mission, const MissionFilesOptions& options) 
     }
   }
   if (!mission.mask.empty()) {
-    write_image(options.folder / "mask.png",
-                cv::Mat(mission.height, mission.width, CV_8UC1, mission.mask.pixels().data()), {});
+    write_mat(options.folder / "mask.png",
+              cv::Mat(mission.height, mission.width, CV_8UC1, mission.mask.pixels().data()), {});
   }
   write_file(options.folder / "gt" / "traj_tum.txt", trajectory(mission));
   write_file(options.folder / "map.msg", slam_map(mission, options.map));

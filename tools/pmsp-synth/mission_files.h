@@ -18,6 +18,9 @@ struct MissionFilesOptions {
   SlamMapOptions map;
 };
 
+/// Writes a PNG, or for `jpeg_quality` 1 to 100 a JPEG. Throws OutputError.
+void write_image(const std::filesystem::path& path, const Image<Rgb>& image, int jpeg_quality = 0);
+
 /// Draws the rig into images, truth and Mission::mask: dark, of unknown range.
 void add_rig(synth::Mission& mission, double radius_deg);
 

@@ -94,6 +94,7 @@ struct ReadMapOptions {
 /// - OpenSfM: reconstruction.json, with observations from tracks.csv beside it;
 /// - openMVG: sfm_data.json; nerfstudio: transforms.json; Metashape: cameras as XML;
 /// - AliceVision: cameras.sfm;
+/// - benchmarks: directory of a path of OB3D; scene.json of COLMAP's TartanAir set;
 /// - a trajectory, world from camera: TUM, "timestamp tx ty tz qx qy qz qw"; EuRoC and VINS, nanoseconds and w first;
 ///   KITTI, 12 numbers without a time; a table whose first line names its columns.
 ///
