@@ -7,6 +7,7 @@
 
 #include <Eigen/Geometry>
 
+#include "map_files.h"
 #include "pmsp/error.h"
 #include "pmsp/io/map.h"
 #include "support/temp_dir.h"
@@ -14,9 +15,7 @@
 namespace pmsp::test {
 
 using Catch::Contains;
-using pmsp_test::read_text;
 using pmsp_test::TempDir;
-using pmsp_test::write_text;
 
 namespace {
 
@@ -36,19 +35,19 @@ constexpr const char* kLevel = "[-1, 0, 0], [0, 0, -1], [0, -1, 0]";
 /// The tree of OB3D's README for a path of a scene, with two images.
 void write_ob3d(const TempDir& folder) {
   for (const char* name : {"cameras", "depths", "images", "normals", "sparse"}) fs::create_directory(folder / name);
-  write_text(folder / "cameras/00000_cam.json", ob3d_camera(0, kLevel, "0, 1.5, 0"));
-  write_text(folder / "cameras/00001_cam.json", ob3d_camera(1, kLevel, "0.25, 1.5, -0.5"));
-  write_text(folder / "sparse/sparse.ply",
+  write_file(folder / "cameras/00000_cam.json", ob3d_camera(0, kLevel, "0, 1.5, 0"));
+  write_file(folder / "cameras/00001_cam.json", ob3d_camera(1, kLevel, "0.25, 1.5, -0.5"));
+  write_file(folder / "sparse/sparse.ply",
              "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n"
              "end_header\n0 -3 1.5\n1 -3 1.5\n");
-  write_text(folder / "train.txt", "00000\n");
-  write_text(folder / "test.txt", "00001\n");
+  write_file(folder / "train.txt", "00000\n");
+  write_file(folder / "test.txt", "00001\n");
 }
 
 /// A scene of COLMAP's TartanAir set: frames 10 and 11.
 void write_tartanair(const TempDir& folder, const std::string& poses) {
-  write_text(folder / "poses.txt", poses);
-  write_text(folder / "scene.json",
+  write_file(folder / "poses.txt", poses);
+  write_file(folder / "scene.json",
              "{\"manifest_version\": 1, \"environment\": \"House\", \"difficulty\": \"easy\", \"trajectory\": \"P000\","
              "\"image_size\": [2048, 1024], \"depth_size\": [512, 256], \"depth_scale\": 8.0,"
              "\"frames\": [{\"source_frame\": 10, \"image_name\": \"000010.jpg\", \"depth_name\": \"000010.png\"},"
@@ -88,9 +87,9 @@ TEST_CASE("a broken path of OB3D is refused with file and place") {
   const TempDir folder;
   write_ob3d(folder);
   const fs::path camera = folder / "cameras/00001_cam.json";
-  const std::string good = read_text(camera);
+  const std::string good = read_file(camera);
   const auto refuse = [&](const std::string& text, const std::string& place) {
-    write_text(camera, text);
+    write_file(camera, text);
     CHECK_THROWS_WITH(read_map(folder.path()), Contains("00001_cam.json") && Contains(place));
     CHECK_THROWS_AS(read_map(folder.path()), InvalidInput);
   };
@@ -104,7 +103,7 @@ TEST_CASE("a broken path of OB3D is refused with file and place") {
   refuse(ob3d_camera(1, kLevel, "0, 0"), "translation");
   std::string square = good;
   refuse(square.replace(square.find("\"height\": 800"), 13, "\"height\": 900"), "1600 x 900");
-  write_text(camera, good);
+  write_file(camera, good);
   fs::copy(camera, folder / "cameras/1_cam.json");
   CHECK_THROWS_WITH(read_map(folder.path()), Contains("has the number of"));
   fs::remove_all(folder / "cameras");
@@ -152,7 +151,7 @@ TEST_CASE("a broken scene of TartanAir is refused with file and place") {
 TEST_CASE("true poses with seconds and nanoseconds in columns of their own have their time") {
   const TempDir folder;  // as gt_poses.csv of the Hilti-Trimble challenge
   const std::string head = "# counter, sec, nsec, x, y, z, qx, qy, qz, qw\n";
-  write_text(folder / "gt_poses.csv", head +
+  write_file(folder / "gt_poses.csv", head +
                                           "0, 4, 15030999, 36.5, 20.25, 1.5, 0, 0, 0, 1\n"
                                           "1, 4, 48397999, 36.5, 20.5, 1.5, 0, 0, 0, 1\n"
                                           "2, 5, 7000000, 36.5, 20.75, 1.5, 0, 0, 0.6, 0.8\n");
@@ -161,7 +160,7 @@ TEST_CASE("true poses with seconds and nanoseconds in columns of their own have 
   CHECK(map.keyframes[0].timestamp == Approx(4.015030999).epsilon(1e-12));
   CHECK(map.keyframes[2].timestamp == Approx(5.007).epsilon(1e-12));
   CHECK((map.keyframes[2].cam_from_world.center() - Eigen::Vector3d(36.5, 20.75, 1.5)).norm() < 1e-9);
-  write_text(folder / "gt_poses.csv", head + "0, 4, 1500000000, 36.5, 20.25, 1.5, 0, 0, 0, 1\n");
+  write_file(folder / "gt_poses.csv", head + "0, 4, 1500000000, 36.5, 20.25, 1.5, 0, 0, 0, 1\n");
   CHECK_THROWS_WITH(read_map(folder / "gt_poses.csv"), Contains("nanoseconds") && Contains("line 2"));
 }
 
