@@ -264,7 +264,7 @@ void run_depth(const CommonArguments& common, DepthArguments arguments) {
                                                                                   : "one scale, of the alignment";
   Json json = input_json(common);
   json["alignment"] = to_json(alignment);
-  json["scale"] = scaling;
+  json["scaling"] = scaling;
   json["without_truth"] = files.size() - pairs.size();
   json["depth"] = to_json(maps);
   json["calibration"] = calibration ? to_json(*calibration) : Json();
