@@ -1,6 +1,7 @@
 # Installs the libraries, headers and tools, and what find_package(pmsp) and pkg-config need. Included once all targets exist.
 # Components (cmake --install build --component pmsp): those of find_package, pmsp = the library that a SLAM links, pmsp_io,
-# pmsp_web; and tools. Tools that were not built are left out.
+# pmsp_web; NAME_runtime = what programs that link the shared library NAME need; and tools. Tools that were not built are left
+# out.
 include(CMakePackageConfigHelpers)
 
 set(_pmsp_cmake_dir "${CMAKE_INSTALL_LIBDIR}/cmake/pmsp")
@@ -20,7 +21,7 @@ foreach(component IN LISTS _pmsp_components)
     INSTALL_RPATH "$ORIGIN")
   install(TARGETS ${component} EXPORT ${component}-targets
     ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${component}
-    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${component}
+    LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${component}_runtime NAMELINK_COMPONENT ${component}
     RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT ${component})
   install(EXPORT ${component}-targets NAMESPACE pmsp:: DESTINATION ${_pmsp_cmake_dir} COMPONENT ${component})
 endforeach()
@@ -45,6 +46,8 @@ foreach(tool pmsp-densify pmsp-eval pmsp-synth)
   if(TARGET ${tool})
     set_target_properties(${tool} PROPERTIES INSTALL_RPATH "$ORIGIN/${_pmsp_bin_to_lib}")
     install(TARGETS ${tool} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools OPTIONAL)
+    install(FILES ${PROJECT_SOURCE_DIR}/packaging/completion.bash RENAME ${tool}
+      DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions COMPONENT tools)
   endif()
 endforeach()
 

@@ -351,7 +351,8 @@ std::vector<std::string> negative_flags() {
 }
 
 void print_version() {
-  std::cout << version_text() << " (" << PMSP_BUILD_TYPE << "; backends: cpu" << (has_cuda() ? ", cuda" : "")
+  const std::string commit = *kCommit == '\0' ? "" : "commit " + std::string(kCommit) + "; ";
+  std::cout << version_text() << " (" << commit << PMSP_BUILD_TYPE << "; backends: cpu" << (has_cuda() ? ", cuda" : "")
             << "; SIMD: " << name_of(widest_simd()) << ")\n";
 }
 
@@ -455,7 +456,7 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
   app.option_defaults()->take_last();
   app.require_subcommand(1);
   bool version = false;
-  app.add_flag("--version", version, "Version, build type, instruction set");
+  app.add_flag("--version", version, "Version, commit, build type, backends, instruction set");
   CLI::App& run = *app.add_subcommand("run", "Map and images to a cloud (the default verb)");
   CLI::App& fuse = *app.add_subcommand("fuse", "Existing depth maps to a cloud, without PatchMatch");
   CLI::App& merge = *app.add_subcommand("merge", "Results of shards (run --shard) to a cloud");

@@ -118,4 +118,7 @@ void spell_out_switches(std::vector<std::string>& words);
 /// Returns "pmsp-densify 0.1.0".
 std::string version_text();
 
+/// Commit of the checkout that the build is of, with "+" if files differed from it; "" outside a checkout.
+extern const char* const kCommit;
+
 }  // namespace pmsp::tool

@@ -7,6 +7,7 @@
 
 #include "pmsp-eval/commands.h"
 #include "pmsp/error.h"
+#include "pmsp/version.h"
 
 namespace pmsp::eval {
 namespace {
@@ -244,6 +245,7 @@ int run_tool(int argc, char** argv) {
       "cannot be written.",
       "pmsp-eval");
   Arguments arguments;
+  app.set_version_flag("--version", "pmsp-eval " PMSP_VERSION_STRING);
   app.require_subcommand(1);
   const CLI::App* cloud = add_cloud(app, arguments);
   const CLI::App* depth = add_depth(app, arguments);

@@ -10,6 +10,7 @@
 #include "pmsp-densify/exit_code.h"
 #include "pmsp-synth/layouts.h"
 #include "pmsp-synth/mission_files.h"
+#include "pmsp/version.h"
 #include "synth/mission.h"
 
 namespace {
@@ -217,6 +218,7 @@ int main(int argc, char** argv) {
     CLI::App app("Writes a synthetic 360-degree mission with known truth: images, a SLAM's map, poses and ranges.",
                  "pmsp-synth");
     app.footer(kFooter);
+    app.set_version_flag("--version", "pmsp-synth " PMSP_VERSION_STRING);
     app.add_option("-o,--output", arguments.files.folder, "directory for the mission, made if it does not exist")
         ->required()
         ->option_text("DIR REQUIRED");
