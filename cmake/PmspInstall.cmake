@@ -79,7 +79,7 @@ install(FILES ${PROJECT_BINARY_DIR}/package/pmsp-config.cmake ${PROJECT_BINARY_D
 file(RELATIVE_PATH PMSP_PC_TO_PREFIX "/${CMAKE_INSTALL_LIBDIR}/pkgconfig" "/")
 string(REGEX REPLACE "/$" "" PMSP_PC_TO_PREFIX "${PMSP_PC_TO_PREFIX}")
 set(_pmsp_libs "${CMAKE_THREAD_LIBS_INIT}")
-if(PMSP_LINKS_CUDA)
+if(PMSP_LINKS_CUDA AND PMSP_IS_STATIC)
   string(APPEND _pmsp_libs " -L${CUDAToolkit_LIBRARY_DIR} -lcudart_static -ldl -lrt")
 endif()
 set(_pmsp_io_libs "-lopencv_videoio -lopencv_imgcodecs -lopencv_imgproc -lopencv_core")

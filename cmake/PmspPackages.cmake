@@ -3,7 +3,8 @@
 set(_pmsp_soversion ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME libpmsp)
-set(CPACK_PACKAGE_CONTACT "The libpmsp authors <libpmsp@localhost>")
+set(CPACK_PACKAGE_CONTACT "The libpmsp authors <maintainers@libpmsp.example>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "")   # each package has its own
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
@@ -30,7 +31,6 @@ function(pmsp_deb group name section summary description)
     set(CPACK_COMPONENT_${component_upper}_GROUP ${group} PARENT_SCOPE)
   endforeach()
   set(CPACK_COMPONENTS_ALL ${CPACK_COMPONENTS_ALL} ${ARGN} ${group}_doc PARENT_SCOPE)
-  set(CPACK_COMPONENT_GROUP_${upper}_DESCRIPTION "${summary}\n${description}" PARENT_SCOPE)
   set(CPACK_DEBIAN_${upper}_PACKAGE_NAME ${name} PARENT_SCOPE)
   set(CPACK_DEBIAN_${upper}_PACKAGE_SECTION ${section} PARENT_SCOPE)
   set(CPACK_DEBIAN_${upper}_DESCRIPTION "${summary}\n${description}" PARENT_SCOPE)
@@ -44,17 +44,23 @@ endif()
 get_cmake_property(_pmsp_known_components COMPONENTS)
 if(BUILD_SHARED_LIBS)
   pmsp_deb(lib libpmsp${_pmsp_soversion} libs "dense 3D from 360-degree video, shared libraries"
-    "Turns the equirectangular keyframes, poses and points of a visual SLAM into a dense, coloured point cloud, by PatchMatch stereo on the sphere."
+    "Turns the equirectangular keyframes, poses and points of a visual SLAM into
+a dense, coloured point cloud, by PatchMatch stereo on the sphere."
     pmsp_runtime pmsp_io_runtime pmsp_web_runtime)
+  set(CPACK_DEBIAN_LIB_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/packaging/debian/triggers)
   pmsp_deb(dev libpmsp-dev libdevel "dense 3D from 360-degree video, development files"
-    "Headers, CMake and pkg-config files and examples of libpmsp, which turns the keyframes of a visual SLAM into a dense point cloud."
+    "Headers, CMake and pkg-config files and examples of libpmsp, which turns the
+keyframes of a visual SLAM into a dense point cloud."
     pmsp pmsp_io pmsp_web)
   set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
     "libpmsp${_pmsp_soversion} (= ${PROJECT_VERSION}-1), libeigen3-dev, libopencv-dev, libsqlite3-dev, libpugixml-dev, zlib1g-dev")
   set(CPACK_DEBIAN_DEV_PACKAGE_SHLIBDEPS OFF)
 else()
   pmsp_deb(tools pmsp-tools${_pmsp_variant} science "dense 3D from 360-degree video, programs"
-    "pmsp-densify turns the equirectangular keyframes, poses and points of a visual SLAM into a dense, coloured point cloud with normals and confidences; pmsp-eval compares clouds and depth maps with a truth, pmsp-synth renders missions with exact truth."
+    "pmsp-densify turns the equirectangular keyframes, poses and points of a
+visual SLAM into a dense, coloured point cloud with normals and confidences;
+pmsp-eval compares clouds and depth maps with a known truth, pmsp-synth
+renders missions with exact truth."
     tools)
   set(CPACK_DEBIAN_TOOLS_PACKAGE_RECOMMENDS ffmpeg)
   if(PMSP_HAVE_CUDA)
@@ -64,7 +70,8 @@ else()
   endif()
   if("python" IN_LIST _pmsp_known_components)
     pmsp_deb(python python3-pmsp python "dense 3D from 360-degree video, Python module"
-      "The module pmsp turns keyframes, poses and points of a visual SLAM into dense point clouds, depth maps and normals as NumPy arrays."
+      "The module pmsp turns keyframes, poses and points of a visual SLAM into
+dense point clouds, depth maps and normals as NumPy arrays."
       python)
     set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3, python3-numpy")
   endif()
