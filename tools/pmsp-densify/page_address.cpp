@@ -5,7 +5,6 @@
 #include <ifaddrs.h>
 #include <net/if.h>
 #include <netinet/in.h>
-#include <qrencode.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -16,6 +15,10 @@
 #include <memory>
 #include <system_error>
 
+#ifdef PMSP_HAS_QRENCODE
+#include <qrencode.h>
+#endif
+
 #include "export/files.h"
 #include "pmsp/error.h"
 #include "progress.h"
@@ -25,8 +28,6 @@ namespace pmsp::tool {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr int kQuietZone = 4;  ///< modules around a QR code, as its standard requires
 
 /// Creates a file that only its owner can read; an existing one stays.
 void write_secret(const fs::path& file, const std::string& text) {
@@ -47,6 +48,9 @@ void write_secret(const fs::path& file, const std::string& text) {
   if (!is_named) fail("write");
 }
 
+#ifdef PMSP_HAS_QRENCODE
+constexpr int kQuietZone = 4;  ///< modules around a QR code, as its standard requires
+
 /// Dark modules, row by row.
 struct QrCode {
   explicit QrCode(const std::string& text)
@@ -60,6 +64,7 @@ struct QrCode {
  private:
   std::unique_ptr<QRcode, decltype(&QRcode_free)> code_;
 };
+#endif
 
 /// "" if there is none.
 std::string first_own_address() {
@@ -101,6 +106,9 @@ std::string token_from_file(const fs::path& file) {
   return token;
 }
 
+#ifdef PMSP_HAS_QRENCODE
+bool has_qr_codes() { return true; }
+
 std::string qr_text(const std::string& text, std::size_t columns, bool colors) {
   const QrCode code(text);
   const int end = code.size() + kQuietZone;
@@ -116,6 +124,11 @@ std::string qr_text(const std::string& text, std::size_t columns, bool colors) {
   }
   return lines;
 }
+#else
+bool has_qr_codes() { return false; }
+
+std::string qr_text(const std::string& /*text*/, std::size_t /*columns*/, bool /*colors*/) { return ""; }
+#endif
 
 std::string url_for_others(const std::string& url) {
   for (const std::string unspecified : {"//0.0.0.0:", "//[::]:"}) {

@@ -11,8 +11,11 @@ namespace pmsp::tool {
 /// file, no token. Throws IoError, OutputError, InvalidOption.
 std::string token_from_file(const std::filesystem::path& file);
 
-/// Returns a QR code for a terminal, as lines of half blocks; "" if it needs more than `columns`. Without `colors` it
-/// assumes a dark background.
+/// Whether the build contains QR codes (libqrencode).
+bool has_qr_codes();
+
+/// Returns a QR code for a terminal, as lines of half blocks; "" if it needs more than `columns`, or without
+/// has_qr_codes(). Without `colors` it assumes a dark background.
 std::string qr_text(const std::string& text, std::size_t columns, bool colors);
 
 /// Returns the URL of a page as other computers reach it: an unspecified host (0.0.0.0, ::) is replaced by the first
