@@ -160,6 +160,12 @@ export class Live {
     }
   }
 
+  /** Whether another run is served at this address; to be called after the end. */
+  async hasRestarted(): Promise<boolean> {
+    const reply = await this.changes().catch(() => null);
+    return reply !== null && reply.page_version !== this.pageVersion;
+  }
+
   private async changes(): Promise<Reply> {
     const versions = `page_version=${this.pageVersion}&state_version=${this.stateVersion}&since=${this.since}`;
     const address = `live/changes?${versions}&client=${this.client}`;

@@ -57,8 +57,11 @@ export class LivePage {
     this.show();
   }
 
-  start(): void {
-    void this.live.poll();
+  async start(): Promise<void> {
+    await this.live.poll();
+    document.addEventListener("visibilitychange", async () => {
+      if (!document.hidden && (await this.live.hasRestarted())) location.reload();
+    });
   }
 
   /** "37 % of the cloud: 1 234 of 3 333 points" */

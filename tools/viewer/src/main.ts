@@ -96,7 +96,7 @@ class Page {
       this.allowPhotos();
       this.refresh();
     }));
-    live.start();
+    void live.start();
   }
 
   private allowPhotos(): void {

@@ -228,6 +228,8 @@ test("a run is seen from its first second, up to its report at the same address"
   assert.deepEqual(await violations(page), []);
   assert.deepEqual(requests, []);
   assert.deepEqual(errors.filter((it) => !/Failed to load|ERR_CONNECTION/.test(it)), []);
+  await page.click("#toolbar >> text=Photo");
+  await page.waitForFunction(() => (window as any).pmspPage.viewer.panorama.ready);
   const address = page.url().replace(/#.*/, "");
   await page.click("text=Open the report");
   await page.waitForSelector('body[data-state="loaded"]');

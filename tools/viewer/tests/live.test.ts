@@ -122,6 +122,24 @@ test("landmarks, photo and progress are there before the points", async () => {
   assert.equal((keyframes[0] as { photo?: string }).photo, "live/photos/3?1");
 });
 
+test("a run that follows at the same address is noticed after the end", async () => {
+  let live: Live | null = null;
+  let version = 1;
+  const server = (): Response => reply(1, { done: true, page_version: version });
+  await played(server, (it) => (live = it));
+  const { fetch } = globalThis;
+  try {
+    globalThis.fetch = async () => server();
+    assert.equal(await live!.hasRestarted(), false);
+    version = 2;
+    assert.equal(await live!.hasRestarted(), true);
+    globalThis.fetch = async () => Promise.reject(new TypeError("no connection"));
+    assert.equal(await live!.hasRestarted(), false);
+  } finally {
+    globalThis.fetch = fetch;
+  }
+});
+
 test("requests for points end before the next poll, also if one of them fails", async (context) => {
   context.mock.method(console, "warn", () => {});
   const log: string[] = [];
