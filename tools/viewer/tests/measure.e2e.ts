@@ -75,7 +75,7 @@ async function measured(hash = "", notes = 0): Promise<{ page: Page; errors: str
   return { page, errors };
 }
 
-test("a click in a photo takes what that keyframe saw there, within the error that is told", async () => {
+test("a click in a photo takes what that keyframe saw there, within its bound", async () => {
   const { page, errors } = await openFile(browser, report, { hash: `view=keyframe&keyframe=${photos()[0]}` });
   const pairs: [Vec3, Vec3][] = [
     [corner(-1, -1, -1), corner(-1, -1, 1)],
