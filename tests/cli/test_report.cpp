@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
+#include <cmath>
+#include <vector>
 
+#include <zlib.h>
 #include <catch2/catch.hpp>
 
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
+#include "page_depth.h"
 #include "report_page.h"
 #include "web/page.h"
 
@@ -47,6 +51,10 @@ TEST_CASE("a report contains the command and the points") {
     if (keyframe.contains("panorama")) {
       ++panoramas;
       CHECK_THAT(page, Contains("id=\"pmsp-" + keyframe["panorama"].get<std::string>() + "\">/9j/"));  // JPEG
+      const ordered_json& depths = keyframe.at("depths");
+      CHECK(depths["width"] == stats["options"]["width"]);
+      CHECK(depths["least"].get<double>() <= 1.01 * keyframe["strip"]["near"].get<double>());
+      CHECK_THAT(page, Contains("id=\"pmsp-" + depths["name"].get<std::string>() + "\">eN"));  // zlib
     }
     if (!keyframe.contains("strip")) continue;
     ++strips;
@@ -63,6 +71,46 @@ TEST_CASE("a report contains the command and the points") {
   for (std::size_t i = 0; i < data["nodes"].size(); ++i) {
     CHECK_THAT(page, Contains("id=\"pmsp-node-" + std::to_string(i) + "\">"));
   }
+}
+
+TEST_CASE("depths of a page are right to 0.05 % and keep holes and confidence") {
+  pmsp::DepthMap map;
+  map.depth = pmsp::Image<float>(6, 3, 0.0F);
+  map.confidence = pmsp::Image<float>(6, 3, 0.0F);
+  for (int i = 0; i < 18; i += i % 5 == 3 ? 2 : 1) {
+    map.depth(i % 6, i / 6) = 0.3F * std::pow(3.0F, static_cast<float>(i * 7 % 11));
+    map.confidence(i % 6, i / 6) = static_cast<float>(i % 4) / 3.0F;
+  }
+  const pmsp::tool::PageDepth page = pmsp::tool::page_depth(map, 2.0);
+  REQUIRE(page.width == 6);
+  REQUIRE(page.height == 3);
+  std::vector<unsigned char> planes(54);
+  uLongf length = planes.size();
+  REQUIRE(::uncompress(planes.data(), &length, reinterpret_cast<const Bytef*>(page.bytes.data()),
+                       static_cast<uLong>(page.bytes.size())) == Z_OK);
+  REQUIRE(length == planes.size());
+  int code = 0;
+  for (std::size_t i = 0; i < 18; ++i) {
+    const float depth = map.depth.pixels()[i];
+    CHECK((planes[36 + i] > 0) == (depth > 0.0F));
+    if (depth <= 0.0F) continue;
+    const int folded = planes[i] + 256 * planes[18 + i];
+    code += folded % 2 == 0 ? folded / 2 : -(folded + 1) / 2;
+    CHECK(page.least * std::exp(code / 1024.0) == Approx(2.0 * static_cast<double>(depth)).epsilon(5.1e-4));
+    const double root = std::sqrt(static_cast<double>(map.confidence.pixels()[i]));
+    CHECK(planes[36 + i] == Approx(15.0 * root).margin(1.0));
+  }
+}
+
+TEST_CASE("the depth map of a page has at most 1024 columns; one without depth has none") {
+  pmsp::DepthMap map;
+  map.depth = pmsp::Image<float>(2000, 1000, 1.0F);
+  map.confidence = pmsp::Image<float>(2000, 1000, 0.5F);
+  CHECK(pmsp::tool::page_depth(map, 1.0).width == 1024);
+  CHECK(pmsp::tool::page_depth(map, 1.0).height == 512);
+  map.depth = pmsp::Image<float>(8, 4, 0.0F);
+  map.confidence = pmsp::Image<float>(8, 4, 0.0F);
+  CHECK(pmsp::tool::page_depth(map, 1.0).least == 0.0);
 }
 
 TEST_CASE("a report of a workspace covers the whole mission") {

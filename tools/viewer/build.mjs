@@ -38,8 +38,8 @@ async function page() {
     absWorkingDir: here,
     plugins: [slimThree],
   });
-  const licence = read("node_modules", "three", "LICENSE").trim().replaceAll("*/", "* /");
-  const script = safe(`/*!\nThis page holds three.js.\n\n${licence}\n*/\n${result.outputFiles[0].text.trim()}\n`);
+  const licence = (name) => read("node_modules", name, "LICENSE").trim().replaceAll("*/", "* /");
+  const script = safe(`/*!\nThis page holds three.js.\n\n${licence("three")}\n\nIt holds fflate.\n\n${licence("fflate")}\n*/\n${result.outputFiles[0].text.trim()}\n`);
   const hash = createHash("sha256").update(script).digest("base64");
   const parts = { "%STYLE%": read("src", "page.css"), "%SCRIPT%": script, "%SCRIPT_HASH%": hash };
   return read("src", "page.html").replace(/%[A-Z_]+%/g, (name) => parts[name] ?? name);
@@ -58,7 +58,7 @@ if (what === "--write" || (what === "--to" && file)) {
   console.log("the prebuilt page is what its sources give");
 } else if (what === "--tests") {
   await build({
-    entryPoints: ["geometry", "measure", "state", "data", "palette", "live", "framing", "potree", "around", "surroundings", "seen"].map((name) => join(here, "tests", `${name}.test.ts`)),
+    entryPoints: ["geometry", "measure", "state", "data", "palette", "live", "framing", "potree", "around", "surroundings", "depths", "exports", "lengths", "snap", "seen"].map((name) => join(here, "tests", `${name}.test.ts`)),
     bundle: true,
     platform: "node",
     format: "esm",
@@ -67,7 +67,7 @@ if (what === "--write" || (what === "--to" && file)) {
   });
 } else if (what === "--browser-test") {
   await build({
-    entryPoints: ["page", "live", "stream", "screens"].map((name) => join(here, "tests", `${name}.e2e.ts`)),
+    entryPoints: ["page", "measure", "live", "stream", "screens"].map((name) => join(here, "tests", `${name}.e2e.ts`)),
     bundle: true,
     platform: "node",
     format: "esm",

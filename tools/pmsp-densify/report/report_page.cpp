@@ -255,6 +255,7 @@ void ReportPage::add_depth(const DepthMap& map) {
   it.coverage = std::min(1.0, picture.coverage / std::max(it.unmasked, 1e-9));
   it.mean_confidence = picture.mean_confidence;
   depth_width_ = map.depth.width();
+  if (!it.panorama.empty()) it.depths = page_depth(map, scale);
   if (!it.image.empty()) {
     const cv::Size size(kStripWidth, kStripWidth / 2);
     cv::Mat small;
@@ -325,6 +326,10 @@ Json ReportPage::keyframes_json(const Json& stats) const {
         }
       }
       if (!it.panorama.empty()) json["panorama"] = "panorama" + name;
+      if (const PageDepth& depths = it.depths; depths.least > 0.0) {
+        json["depths"] = {
+            {"name", "depths" + name}, {"width", depths.width}, {"height", depths.height}, {"least", depths.least}};
+      }
     }
     keyframes.push_back(std::move(json));
   }
@@ -401,6 +406,7 @@ Json ReportPage::page_json(const Json& stats) const {
   json["keyframes"] = keyframes_json(stats);
   json["confidences"] = cloud_.confidences();
   json["pixel"] = depth_width_ > 0 ? 2.0 * kernels::kPi / depth_width_ : 0.01;
+  json["lens_distance"] = number_at(stats, {"options", "lens_distance"}) * file_from_map_.scale;
   if (depth_maps_ > 0) json["coverage_map"] = coverage_json();
   json["facts"] = report_facts(stats);
   json["times"] = report_times(stats);
@@ -440,6 +446,7 @@ void ReportPage::write(const Json& stats) {
   for (const auto& [id, it] : pictures_) {
     const std::string name = "-" + std::to_string(id);
     if (!it.panorama.empty()) put(file_, "panorama" + name, it.panorama);
+    if (it.depths.least > 0.0) put(file_, "depths" + name, it.depths.bytes);
     if (!it.has_depth || it.image.empty()) continue;
     put(file_, "image" + name, it.image);
     put(file_, "depth" + name, it.depth);

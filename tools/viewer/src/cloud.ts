@@ -267,16 +267,20 @@ export class Cloud {
     }
   }
 
-  /** Whether a point is neither cut away nor on a surface that is left out because it is seen from behind. */
-  isShown(camera: Camera, cube: Cube, i: number, at: Vec3): boolean {
+  /** Whether a place is cut away. */
+  isCut(at: Vec3): boolean {
     const u = this.material.uniforms;
     const low = u["low"]!.value as Vector3;
     const high = u["high"]!.value as Vector3;
-    const isCut = this.basis.some((axis, k) => {
+    return this.basis.some((axis, k) => {
       const along = dot(axis, at);
       return along < low.getComponent(k) || along > high.getComponent(k);
     });
-    return !isCut && !(u["facing"]!.value === true && this.isFromBehind(camera, cube, i, at));
+  }
+
+  /** Whether a point is neither cut away nor on a surface that is left out because it is seen from behind. */
+  isShown(camera: Camera, cube: Cube, i: number, at: Vec3): boolean {
+    return !this.isCut(at) && !(this.material.uniforms["facing"]!.value === true && this.isFromBehind(camera, cube, i, at));
   }
 
   private isFromBehind(camera: Camera, cube: Cube, i: number, at: Vec3): boolean {

@@ -10,6 +10,14 @@ export interface NodeData {
   points: number;
 }
 
+/** Depth map of a keyframe with a photo. */
+export interface DepthsData {
+  name: string;
+  width: number;
+  height: number;
+  least: number;
+}
+
 export interface KeyframeData extends Pose {
   /** In a live page a text, since numbers above 2^53 are rounded. */
   id: number | string;
@@ -24,6 +32,7 @@ export interface KeyframeData extends Pose {
   panorama?: string;
   /** Address of a photo, relative to the page; only where it is served. */
   photo?: string;
+  depths?: DepthsData;
   strip?: { image?: string; depth?: string; confidence?: string; near?: number; far?: number };
 }
 
@@ -47,6 +56,8 @@ export interface ReportData {
   confidences: number[];
   /** Angle of a pixel of the depth maps [rad]. */
   pixel: number;
+  /** Of the two lenses of the camera, along its forward axis; 0 = one centre. */
+  lens_distance?: number;
   coverage_map?: { width: number; height: number; depth_maps: number; shares: string };
   facts: [string, string][];
   times: [string, number][];

@@ -2,12 +2,13 @@
 // What the colours of the points mean, in a corner of the picture.
 import { type Cloud, paletteOf } from "./cloud";
 import { el } from "./dom";
+import type { Scale } from "./measure";
 import { cssGradient } from "./palette";
 import type { Coloring } from "./state";
 
-export function showLegend(place: HTMLElement, coloring: Coloring, cloud: Cloud, unit: string): void {
+export function showLegend(place: HTMLElement, coloring: Coloring, cloud: Cloud, { unit, factor }: Scale): void {
   const palette = paletteOf(coloring);
-  const height = cloud.high[2] - cloud.low[2];
+  const height = factor * (cloud.high[2] - cloud.low[2]);
   const ends: Partial<Record<Coloring, [string, string]>> = {
     height: ["0", `${Number(height.toPrecision(3))} ${unit}`],
     confidence: ["0: unsure", "1: sure"],

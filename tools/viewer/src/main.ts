@@ -5,10 +5,11 @@ import { button, countText, el, slider } from "./dom";
 import { listenForKeys } from "./keys";
 import { showLegend } from "./legend";
 import { LivePage } from "./live_page";
+import { Loupe } from "./loupe";
 import { Measuring } from "./measuring";
 import { hasPhoto, leaveOutMissingPhotos } from "./panorama";
 import { writeReport } from "./report";
-import { listResults } from "./results";
+import { Results } from "./results";
 import { type Coloring, colorings, type Mode, modes, stateFrom, stateText } from "./state";
 import type { StreamState } from "./stream";
 import { Viewer } from "./viewer";
@@ -26,7 +27,17 @@ class Page {
   readonly viewer = new Viewer(this.data, byId("points"), byId("overlay"), this.state);
   live: LivePage | null = null;
   private hasStreamWords = false;
-  readonly measuring = new Measuring(this.viewer, this.state, (text) => this.say(text), () => this.changed());
+  readonly measuring = new Measuring(
+    this.viewer,
+    this.state,
+    (text) => this.say(text),
+    () => this.changed(),
+    (which, direction) => {
+      this.enter(which);
+      this.viewer.lookAlong(direction);
+    },
+  );
+  private readonly loupe = new Loupe(byId("view"), this.viewer, () => this.measuring.chosen !== null);
   private addressTimer = 0;
   private readonly modeButtons = new Map<Mode, HTMLButtonElement>();
   private readonly select = el("select", { "aria-label": "Colour by" });
@@ -37,7 +48,14 @@ class Page {
     this.changed();
   });
   private readonly clips: HTMLInputElement[] = [];
-  private readonly results = byId("results");
+  readonly results = new Results(
+    byId("results"),
+    this.viewer,
+    this.state,
+    this.measuring,
+    (text) => this.say(text),
+    () => this.changed(),
+  );
   private readonly where = el("span", { class: "where", "aria-live": "polite" });
 
   constructor() {
@@ -172,7 +190,7 @@ class Page {
     canvas.addEventListener("pointerup", (event) => {
       if (!down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 6 || event.button !== 0) return;
       const box = canvas.getBoundingClientRect();
-      this.measuring.take(event.clientX - box.left, event.clientY - box.top);
+      this.measuring.take(event.clientX - box.left, event.clientY - box.top, event.shiftKey);
     });
     listenForKeys(canvas, this);
     window.addEventListener("hashchange", () => {
@@ -204,6 +222,7 @@ class Page {
 
   private enter(which: number): void {
     const photo = hasPhoto(this.data.keyframes[which]);
+    if (this.state.mode === "plan") this.state.clip = [0, 1, 0, 1, 0, 1];
     this.state.mode = photo ? "keyframe" : "walk";
     this.state.keyframe = which;
     this.viewer.setMode(this.state.mode);
@@ -252,6 +271,7 @@ class Page {
     const { state } = this;
     for (const [mode, made] of this.modeButtons) made.setAttribute("aria-pressed", String(mode === state.mode));
     this.measuring.refresh();
+    this.loupe.changed();
     this.select.value = state.coloring;
     const atKeyframe = state.mode === "walk" || state.mode === "keyframe";
     byId("flight").hidden = !atKeyframe;
@@ -261,8 +281,8 @@ class Page {
     const where = id === undefined ? "" : `keyframe ${id}`;
     if (this.where.textContent !== where) this.where.textContent = where;
     this.clips.forEach((input, i) => (input.value = String(state.clip[i] ?? 0)));
-    showLegend(this.legend, state.coloring, this.viewer.cloud, this.data.unit);
-    listResults(this.results, state, (it) => this.viewer.result(it).text, () => this.changed());
+    showLegend(this.legend, state.coloring, this.viewer.cloud, this.viewer.scale);
+    this.results.refresh();
     window.clearTimeout(this.addressTimer);
     this.addressTimer = window.setTimeout(() => {
       history.replaceState(null, "", `#${stateText(state)}`);

@@ -3,6 +3,8 @@
 import { add, cross, dot, norm, sub, thinnest, times, unit, type Vec3 } from "./geometry";
 
 export type Kind = "distance" | "height" | "angle" | "area";
+/** What is told of a distance or a height besides its value: its part across `up`. */
+type Told = Kind | "horizontal";
 
 /** Points that a measurement takes; an area takes any number from three. */
 export const pointsOf: Record<Kind, number> = { distance: 2, height: 2, angle: 3, area: 3 };
@@ -20,6 +22,14 @@ export interface Found {
 export interface Picked extends Found {
   /** How far off what lies around it lets it be, in any direction [unit, 95 %]; see spreadOf. */
   spread: number;
+}
+
+/** A point that was just picked, with what ends around it. */
+export interface Taken extends Picked {
+  /** How far in front of it that begins which ends beside it [unit]; 0 = nothing. */
+  front: number;
+  /** How far from it, in front or behind, the surfaces are beside which it ends itself [unit]; 0 = it does not end. */
+  rim: number;
 }
 
 /** What lies around a point. */
@@ -68,6 +78,11 @@ export function spreadOf({ near, radius, off, gap }: Surroundings): number {
   return Math.hypot(kRounded * thickness, kBetween * spacing, off, kStep * gap);
 }
 
+/** The same of a point that was moved to planes, which are known to `fit`; `isWhole`: to one plane. */
+export function spreadOnPlanes({ front, rim }: Taken, fit: number, isWhole: boolean): number {
+  return Math.hypot(fit, kStep * (isWhole ? Math.max(front, rim) : front));
+}
+
 /** What 95 % are off by less than, squared, as a symmetric 3 x 3 matrix, row by row [unit^2]. */
 type Covariance = readonly number[];
 
@@ -108,11 +123,12 @@ export function covarianceOf(point: Picked, camera: Vec3 | null, reach: number):
 }
 
 /** In degrees for an angle, square units for an area. */
-export function valueOf(kind: Kind, points: readonly Vec3[], up: Vec3): number {
+export function valueOf(kind: Told, points: readonly Vec3[], up: Vec3): number {
   const [a, b, c] = points;
   if (!a || !b) return 0;
   if (kind === "distance") return norm(sub(b, a));
   if (kind === "height") return Math.abs(dot(sub(b, a), up));
+  if (kind === "horizontal") return norm(sub(sub(b, a), times(up, dot(sub(b, a), up))));
   if (!c) return 0;
   if (kind === "angle") {
     const u = sub(a, b);
@@ -127,7 +143,7 @@ export function valueOf(kind: Kind, points: readonly Vec3[], up: Vec3): number {
 }
 
 /** What 95 % of such measurements are off by less than, to first order, if the points' errors have nothing in common. */
-export function errorOf(kind: Kind, points: readonly Vec3[], covariances: readonly Covariance[], up: Vec3): number {
+export function errorOf(kind: Told, points: readonly Vec3[], covariances: readonly Covariance[], up: Vec3): number {
   const center = times(
     points.reduce((sum, p) => add(sum, p), [0, 0, 0] as Vec3),
     1 / Math.max(points.length, 1),
@@ -159,20 +175,49 @@ export function measureText(kind: Kind, value: number, error: number, unitName: 
   return `${value.toFixed(digits)} ± ${error.toFixed(digits)}${what}`;
 }
 
-export interface Result {
-  value: number;
-  error: number;
-  text: string;
+/** Unit that lengths are shown in. */
+export interface Scale {
+  unit: string;
+  /** Of a length of the page. */
+  factor: number;
+  /** Of the factor [95 %]. */
+  relativeError: number;
 }
 
-/** What a measurement says. `camera`: where that of a keyframe stood; null = nobody knows. */
-export function resultOf(
-  it: { kind: Kind; points: Picked[] },
-  about: { up: Vec3; unit: string; reach: number; camera: (keyframe: number) => Vec3 | null },
-): Result {
+export const unscaled = (unit: string): Scale => ({ unit, factor: 1, relativeError: 0 });
+
+export interface Valued {
+  value: number;
+  /** 95 % bound. */
+  error: number;
+}
+export interface Result extends Valued {
+  text: string;
+  /** Of a distance or a height. */
+  parts?: { horizontal: Valued; vertical: Valued };
+}
+
+/** What a measurement needs to know. `camera`: where that of a keyframe stood; null = nobody knows. */
+export interface About {
+  up: Vec3;
+  scale: Scale;
+  reach: number;
+  camera: (keyframe: number) => Vec3 | null;
+}
+
+/** What a measurement says. */
+export function resultOf(it: { kind: Kind; points: Picked[] }, about: About): Result {
   const places = it.points.map((p) => p.position);
   const covariances = it.points.map((p) => covarianceOf(p, about.camera(p.keyframe), about.reach));
-  const value = valueOf(it.kind, places, about.up);
-  const error = errorOf(it.kind, places, covariances, about.up);
-  return { value, error, text: measureText(it.kind, value, error, about.unit) };
+  const { factor, relativeError, unit } = about.scale;
+  const told = (kind: Told): Valued => {
+    const power = kind === "angle" ? 0 : kind === "area" ? 2 : 1;
+    const value = valueOf(kind, places, about.up);
+    const error = Math.hypot(errorOf(kind, places, covariances, about.up), power * relativeError * value);
+    return { value: factor ** power * value, error: factor ** power * error };
+  };
+  const whole = told(it.kind);
+  const result = { ...whole, text: measureText(it.kind, whole.value, whole.error, unit) };
+  if (it.kind !== "distance" && it.kind !== "height") return result;
+  return { ...result, parts: { horizontal: told("horizontal"), vertical: told("height") } };
 }

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Measurements, notes and the scale bar, drawn over the points.
 import { type Vec3, roundLength } from "./geometry";
+import type { Scale } from "./measure";
 
 export interface Mark {
   /** A line through them, or one place. */
   points: Vec3[];
+  /** Places with a dot. */
+  dots: Vec3[];
   closed: boolean;
   text: string;
 }
@@ -13,10 +16,10 @@ export interface ScaleBar {
   text: string;
 }
 
-/** `perUnit`: pixels. */
-export function scaleBar(perUnit: number, unit: string): ScaleBar {
-  const length = roundLength(160 / perUnit);
-  return { pixels: length * perUnit, text: `${Number(length.toPrecision(3))} ${unit}` };
+/** `perUnit`: pixels per unit of the page. */
+export function scaleBar(perUnit: number, { unit, factor }: Scale): ScaleBar {
+  const length = roundLength((160 / perUnit) * factor);
+  return { pixels: (length / factor) * perUnit, text: `${Number(length.toPrecision(3))} ${unit}` };
 }
 
 /** Trajectory of a live map. */
@@ -69,7 +72,7 @@ export function drawOverlay(
       }
       context.stroke();
     }
-    for (const [x, y] of seen) {
+    for (const [x, y] of mark.dots.map(project).filter((p) => p !== null)) {
       context.beginPath();
       context.arc(x, y, 5, 0, 2 * Math.PI);
       context.fillStyle = kLine;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // What is looked at, as text for the page's address. Whatever comes from there is checked.
-import type { Vec3 } from "./geometry";
+import { type Vec3, norm, sub } from "./geometry";
+import { type Calibration, type Unit, units } from "./lengths";
 import { type Kind, type Picked, pointsOf } from "./measure";
 
 export const modes = ["orbit", "plan", "walk", "keyframe"] as const;
@@ -11,6 +12,7 @@ export type Coloring = (typeof colorings)[number];
 export interface Measurement {
   kind: Kind;
   points: Picked[];
+  name?: string;
 }
 export interface Note {
   position: Vec3;
@@ -34,6 +36,10 @@ export interface ViewState {
   clip: number[];
   measurements: Measurement[];
   notes: Note[];
+  /** null = lengths are in the unit of the cloud. */
+  calibration: Calibration | null;
+  /** null = as the cloud, or metres with a calibration. */
+  unit: Unit | null;
 }
 
 export const initialState = (): ViewState => ({
@@ -48,13 +54,19 @@ export const initialState = (): ViewState => ({
   clip: [0, 1, 0, 1, 0, 1],
   measurements: [],
   notes: [],
+  calibration: null,
+  unit: null,
 });
 
 const kMaxMarks = 100;
-const kMaxLetters = 200;
+export const kMaxLetters = 200;
+const kNameMark = ";name:";
 
 const short = (x: number): string => String(Number(x.toPrecision(6)));
 const list = (numbers: readonly number[]): string => numbers.map(short).join(",");
+
+const pointsText = (points: readonly Picked[]): string =>
+  points.map((p) => list([...p.position, p.confidence, p.keyframe, p.spread])).join(";");
 
 export function stateText(state: ViewState): string {
   const parts = new URLSearchParams();
@@ -71,8 +83,11 @@ export function stateText(state: ViewState): string {
   if (state.size !== 1) parts.set("size", short(state.size));
   if (list(state.clip) !== list(first.clip)) parts.set("clip", list(state.clip));
   for (const it of state.measurements) {
-    parts.append(it.kind, it.points.map((p) => list([...p.position, p.confidence, p.keyframe, p.spread])).join(";"));
+    parts.append(it.kind, pointsText(it.points) + (it.name ? kNameMark + it.name : ""));
   }
+  const known = state.calibration;
+  if (known) parts.set("length", `${pointsText(known.points)};${list([known.metres, known.rounding])}`);
+  if (state.unit) parts.set("unit", state.unit);
   for (const note of state.notes) parts.append("note", `${list(note.position)};${note.text}`);
   return parts.toString();
 }
@@ -90,19 +105,30 @@ function vector(text: string | null): Vec3 | null {
 
 const between = (x: number | undefined, low: number, high: number): number => Math.max(low, Math.min(high, x ?? low));
 
+function picked(text: string): Picked | null {
+  const n = numbers(text, 6);
+  return n && {
+    position: [n[0] ?? 0, n[1] ?? 0, n[2] ?? 0],
+    confidence: between(n[3], 0, 1),
+    keyframe: Math.round(between(n[4], -1, 65534)),
+    spread: between(n[5], 0, 1e12),
+  };
+}
+
 function measurement(kind: Kind, text: string): Measurement | null {
-  const points: Picked[] = [];
-  for (const word of text.split(";").slice(0, kMaxMarks)) {
-    const n = numbers(word, 6);
-    if (!n) return null;
-    points.push({
-      position: [n[0] ?? 0, n[1] ?? 0, n[2] ?? 0],
-      confidence: between(n[3], 0, 1),
-      keyframe: Math.round(between(n[4], -1, 65534)),
-      spread: between(n[5], 0, 1e12),
-    });
-  }
-  return points.length === pointsOf[kind] || (kind === "area" && points.length > 3) ? { kind, points } : null;
+  const [places = "", ...name] = text.split(kNameMark);
+  const points = places.split(";").slice(0, kMaxMarks).map(picked);
+  if (!points.every((it): it is Picked => it !== null)) return null;
+  if (points.length !== pointsOf[kind] && (kind !== "area" || points.length < 3)) return null;
+  return name.length > 0 ? { kind, points, name: name.join(kNameMark).slice(0, kMaxLetters) } : { kind, points };
+}
+
+function calibration(text: string | null): Calibration | null {
+  const words = text?.split(";") ?? [];
+  const [from, to] = words.slice(0, 2).map(picked);
+  const [metres = 0, rounding = 0] = numbers(words[2] ?? null, 2) ?? [];
+  const isSound = words.length === 3 && metres > 0 && rounding >= 0 && rounding <= metres;
+  return isSound && from && to && norm(sub(to.position, from.position)) > 0 ? { points: [from, to], metres, rounding } : null;
 }
 
 export function stateFrom(text: string): ViewState {
@@ -128,11 +154,12 @@ export function stateFrom(text: string): ViewState {
   state.size = number("size", 0.2, 5, state.size);
   const clip = numbers(parts.get("clip"), 6);
   if (clip) state.clip = clip.map((x) => between(x, 0, 1));
-  for (const kind of Object.keys(pointsOf) as Kind[]) {
-    for (const text of parts.getAll(kind).slice(0, kMaxMarks)) {
-      const found = measurement(kind, text);
-      if (found) state.measurements.push(found);
-    }
+  state.calibration = calibration(parts.get("length"));
+  state.unit = units.find((it) => it === parts.get("unit")) ?? null;
+  for (const [name, text] of parts) {
+    const kind = (Object.keys(pointsOf) as Kind[]).find((it) => it === name);
+    const found = kind && state.measurements.length < kMaxMarks ? measurement(kind, text) : null;
+    if (found) state.measurements.push(found);
   }
   for (const text of parts.getAll("note").slice(0, kMaxMarks)) {
     const end = text.indexOf(";");

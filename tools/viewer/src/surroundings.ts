@@ -3,7 +3,7 @@
 import { type Camera, Vector3 } from "three";
 import type { Cloud } from "./cloud";
 import { type Vec3, add, dot, norm, sub, thinnest, times, unit } from "./geometry";
-import { type Found, type Picked, type Surroundings, kBesidePixels, kFewPoints, kRadiusPixels, kStepPixels, spreadOf } from "./measure";
+import { type Found, type Surroundings, type Taken, kBesidePixels, kFewPoints, kRadiusPixels, kStepPixels, spreadOf } from "./measure";
 import { isPerspective } from "./sight";
 
 export interface Eyes {
@@ -28,12 +28,13 @@ export function pixelAt(point: Pick<Found, "position" | "keyframe">, eyes: Eyes)
 }
 
 /** A point that was found at a place of the picture (-1 to 1), with how far off it may be. */
-export function pickedFrom(cloud: Cloud, camera: Camera, found: Found, x: number, y: number, eyes: Eyes): Picked {
-  return { ...found, spread: spreadOf(surroundingsOf(cloud, camera, found.position, x, y, pixelAt(found, eyes))) };
+export function pickedFrom(cloud: Cloud, camera: Camera, found: Found, x: number, y: number, eyes: Eyes): Taken {
+  const around = surroundingsOf(cloud, camera, found.position, x, y, pixelAt(found, eyes));
+  return { ...found, spread: spreadOf(around), front: around.gap, rim: 0 };
 }
 
 /** From the eye through a place of the picture. */
-function rayThrough(camera: Camera, x: number, y: number): { from: Vec3; along: Vec3 } {
+export function rayThrough(camera: Camera, x: number, y: number): { from: Vec3; along: Vec3 } {
   const at = (depth: number): Vec3 => new Vector3(x, y, depth).unproject(camera).toArray() as [number, number, number];
   const from = isPerspective(camera) ? (camera.position.toArray() as [number, number, number]) : at(-1);
   return { from, along: unit(sub(at(0.5), from)) };
@@ -94,7 +95,7 @@ function asideOf(place: readonly number[], from: Vec3, along: Vec3, ahead: numbe
   return norm(sub(at, add(from, times(along, depth))));
 }
 
-function pointsWithin(cloud: Cloud, place: Vec3, radius: number): Vec3[] {
+export function pointsWithin(cloud: Cloud, place: Vec3, radius: number): Vec3[] {
   const found: Vec3[] = [];
   const [x, y, z] = place;
   for (const cube of cloud.cubes) {

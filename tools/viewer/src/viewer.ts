@@ -7,8 +7,10 @@ import type { KeyframeData, ReportData } from "./data";
 import { nearestKeyframe, pathOf } from "./trajectory";
 import { type Vec3, basisAround, dot, fromCamera, mainDirection, norm, sub } from "./geometry";
 import { loadHeld } from "./load";
-import { type Picked, type Result, resultOf } from "./measure";
-import { drawOverlay, type Mark, scaleBar, type Trail } from "./overlay";
+import { scaleOf } from "./lengths";
+import { marksOf } from "./marks";
+import { type Picked, type Result, type Scale, type Taken, resultOf } from "./measure";
+import { drawOverlay, scaleBar, type Trail } from "./overlay";
 import { Pace } from "./pace";
 import { hasPhoto, Panorama, photoOf } from "./panorama";
 import { pick } from "./pick";
@@ -43,8 +45,8 @@ export class Viewer {
   landmarks: readonly Vec3[] = [];
   /** null = the page holds all there is. */
   stream: Stream | null = null;
-  private readonly scene = new Scene();
-  private readonly panorama: Panorama;
+  readonly scene = new Scene();
+  readonly panorama: Panorama;
   private width = 1;
   private height = 1;
   private waiting = false;
@@ -251,8 +253,8 @@ export class Viewer {
     context.clearRect(0, 0, this.overlay.width, this.overlay.height);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.under?.(context, (p) => this.project(p));
-    const scale = state.mode === "plan" ? scaleBar(cameras.focalLength, this.data.unit) : null;
-    drawOverlay(context, width, height, ratio, (p) => this.project(p), this.marks(), scale, this.trail);
+    const scale = state.mode === "plan" ? scaleBar(cameras.focalLength, this.scale) : null;
+    drawOverlay(context, width, height, ratio, (p) => this.project(p), marksOf(state, this.pending, this.basis[2], (it) => this.result(it).text), scale, this.trail);
   }
 
   /** Pixels from the upper left corner; null where it is behind. */
@@ -261,7 +263,7 @@ export class Viewer {
   }
 
   /** The point at pixels from the upper left corner of the picture. */
-  pick(x: number, y: number): Picked | null {
+  pick(x: number, y: number): Taken | null {
     const { width, height } = this;
     const camera = this.cameras.current;
     camera.updateMatrixWorld();
@@ -269,25 +271,19 @@ export class Viewer {
     return found && pickedFrom(this.cloud, camera, found, (2 * x) / width - 1, 1 - (2 * y) / height, this.eyes);
   }
 
-  private get eyes(): Eyes {
+  get eyes(): Eyes {
     const { keyframes, pixel } = this.data;
     return { pixel, reach: this.cameras.extent / 2, camera: (i) => (keyframes[i] ? this.centerOf(keyframes[i]) : null) };
   }
 
-  /** What a measurement says. */
-  result(it: Measurement): Result {
-    return resultOf(it, { up: this.basis[2], unit: this.data.unit, ...this.eyes });
+  /** Unit that lengths are shown in. */
+  get scale(): Scale {
+    return scaleOf(this.data.unit, this.state.calibration, this.state.unit, { up: this.basis[2], ...this.eyes });
   }
 
-  private marks(): Mark[] {
-    const marks: Mark[] = this.state.measurements.map((it) => ({
-      points: it.points.map((p) => p.position),
-      closed: it.kind === "area",
-      text: this.result(it).text,
-    }));
-    if (this.pending.length > 0) marks.push({ points: this.pending.map((p) => p.position), closed: false, text: "" });
-    for (const note of this.state.notes) marks.push({ points: [note.position], closed: false, text: note.text });
-    return marks;
+  /** What a measurement says. */
+  result(it: Measurement): Result {
+    return resultOf(it, { up: this.basis[2], scale: this.scale, ...this.eyes });
   }
 
   /** The picture with all that is drawn over it. */

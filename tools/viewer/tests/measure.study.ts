@@ -1,20 +1,24 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // How far off measurements are, and what is told: clicks on walls, edges and corners of synthetic missions, from the
-// keyframes' places, and what is measured between them. No test.
+// keyframes' places, on points and in photos, and what is measured between them. No test.
 //
 //   PMSP_DENSIFY=build/pmsp-densify PMSP_SYNTH=build/pmsp-synth npm run measure-study -- FOLDER [NAME]
 //
-// Only missions with NAME in their name. They are kept in FOLDER, so that another run only clicks.
+// Only missions with NAME in their name, or that in a folder NAME: map.msg, images/, gt/ as pmsp-synth writes them.
+// They are kept in FOLDER, so that another run only clicks.
 import { execFileSync } from "node:child_process";
 import { cpSync, existsSync, mkdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { PerspectiveCamera, Vector3 } from "three";
 import { Cloud } from "../src/cloud";
 import { type ReportData, bytesFromBase64, nodePoints } from "../src/data";
+import { Depths } from "../src/depths";
 import { type Pose, type Vec3, add, basisAround, cross, dot, fromCamera, mainDirection, norm, panoramaPlace, sub, times, toCamera, unit } from "../src/geometry";
-import { type Kind, type Picked, covarianceOf, pointsOf, resultOf, valueOf } from "../src/measure";
+import { type Kind, type Picked, covarianceOf, pointsOf, resultOf, spreadOnPlanes, unscaled, valueOf } from "../src/measure";
+import { type Photo, pickedInPhoto, placesInPhoto } from "../src/photo_pick";
 import { pick } from "../src/pick";
 import { type PotreeNode, potreeFrom, potreePoints } from "../src/potree";
+import { kSnapPixels, snapped } from "../src/snap";
 import { type Eyes, pickedFrom, pixelAt } from "../src/surroundings";
 import { type RangeMap, readRangeMap } from "./range_map";
 
@@ -37,6 +41,7 @@ const missions: [name: string, held: number, words: string][] = [
   ["thin 1024, streamed, scale 3", kFew, "--scene thin --width 1024 --map-scale 3"],
   ["sample mission", kAll, "data"],
 ];
+if (existsSync(join(only, "map.msg"))) missions.splice(0, missions.length, [only, kAll, only]);
 /** A flight through a warehouse, beside the rooms. */
 const kSample = "data";
 const kSeeds = [1, 2];
@@ -48,7 +53,10 @@ let state = 1;
 const random = (): number => (state = (Math.imul(state, 1664525) + 1013904223) >>> 0) / 2 ** 32;
 
 type Place = "wall" | "edge" | "inner corner" | "outer corner";
+const ways = ["points", "photo", "snapped"] as const;
+type Way = (typeof ways)[number];
 interface Click {
+  way: Way;
   place: Place;
   /** From the page's origin. */
   truth: Vec3;
@@ -84,11 +92,12 @@ function make(name: string, held: number, words: string, seed: number): string {
   mkdirSync(at, { recursive: true });
   const mission = join(at, "m");
   if (words === kSample) cpSync(join(process.cwd(), "../../data"), mission, { recursive: true });
+  else if (words === name) cpSync(name, mission, { recursive: true, dereference: true });
   else execFileSync(synth!, [...words.split(" "), "--seed", String(seed), "--force", "-o", mission], { stdio: "ignore" });
   execFileSync(
     densify!,
     ["run", join(mission, "map.msg"), "--images", join(mission, "images"), "-o", join(at, "c.potree"), "--report", join(at, "r.html")]
-      .concat(["--report-points", String(held), "--report-panoramas", "0", "--backend", "cpu", "--progress", "none", "--force"])
+      .concat(["--report-points", String(held), "--report-panoramas", "1000", "--backend", "cpu", "--progress", "none", "--force"])
       .concat(["--align", join(mission, "gt", "traj_tum.txt")]),
     { stdio: ["ignore", "ignore", "inherit"] },
   );
@@ -96,7 +105,7 @@ function make(name: string, held: number, words: string, seed: number): string {
 }
 
 /** The page's cloud; with what a served one streams. */
-function load(at: string, streams: boolean): { data: ReportData; cloud: Cloud } {
+function load(at: string, streams: boolean): { data: ReportData; cloud: Cloud; photos: Photo[] } {
   const html = readFileSync(join(at, "r.html"), "utf8");
   const tag = '<script type="application/json" id="pmsp-data">';
   const begin = html.indexOf(tag) + tag.length;
@@ -121,7 +130,15 @@ function load(at: string, streams: boolean): { data: ReportData; cloud: Cloud } 
   }
   cloud.measureExtent(data.keyframes.map((k) => sub(k.center, data.origin)));
   cloud.setLook("photo", 1, [0, 1, 0, 1, 0, 1], false);
-  return { data, cloud };
+  const blocks = new Map([...html.matchAll(/id="pmsp-(depths-[^"]*)">([^<]*)</g)].map((found) => [found[1], found[2]]));
+  const photos = data.keyframes.flatMap((keyframe, i): Photo[] => {
+    if (!keyframe.depths) return [];
+    const { name, width, height, least } = keyframe.depths;
+    const depths = new Depths(width, height, least, bytesFromBase64(blocks.get(name) ?? ""));
+    const pose = { center: sub(keyframe.center, data.origin), rotation: keyframe.rotation };
+    return [{ depths, pose, keyframe: i, lensDistance: data.lens_distance ?? 0 }];
+  });
+  return { data, cloud, photos };
 }
 
 /** Places to click at from a keyframe, in the frame of the file. */
@@ -167,15 +184,18 @@ interface Session {
 }
 
 function click(at: string, scene: string, streams: boolean): Session {
-  const { data, cloud } = load(at, streams);
+  const { data, cloud, photos } = load(at, streams);
   const size = norm(sub(cloud.high, cloud.low));
   const camera = (i: number): Vec3 | null => (data.keyframes[i] ? sub(data.keyframes[i].center, data.origin) : null);
   const eyes: Eyes = { pixel: data.pixel, reach: size / 2, camera };
   const clicks: Click[] = [];
+  const refused: Partial<Record<Place, number>> = {};
+  const snaps: Record<string, number> = {};
   const map = (frame: number): string => join(at, "m", "gt", "range_mm", `${String(frame).padStart(6, "0")}.png`);
   const lines = readFileSync(join(at, "m", "gt", "traj_tum.txt"), "utf8").split("\n").filter((line) => /^[\d.]/.test(line));
   const cameras = lines.map((line) => line.split(" ").slice(1, 4).map(Number) as unknown as Vec3);
-  data.keyframes.forEach((keyframe) => {
+  data.keyframes.forEach((keyframe, i) => {
+    const photo = photos.find((it) => it.keyframe === i);
     if (keyframe.use !== "depth map") return;
     const away = cameras.map((it, frame) => (existsSync(map(frame)) ? norm(sub(it, keyframe.center)) : Number.POSITIVE_INFINITY));
     const ranges = readRangeMap(map(away.indexOf(Math.min(...away))));
@@ -187,11 +207,22 @@ function click(at: string, scene: string, streams: boolean): Session {
       view.position.set(...eye);
       view.lookAt(new Vector3(...truth));
       view.updateMatrixWorld();
+      const inPhoto = photo && pickedInPhoto(photo, sub(truth, eye));
+      if (typeof inPhoto === "string") refused[place] = (refused[place] ?? 0) + 1;
+      else if (photo && inPhoto) {
+        clicks.push({ way: "photo", place, truth, picked: inPhoto });
+        const { position } = inPhoto;
+        const to = snapped(placesInPhoto(photo, position, kSnapPixels), position, unit(sub(truth, eye)), pixelAt(inPhoto, eyes));
+        clicks.push({ way: "snapped", place, truth, picked: to ? { ...inPhoto, position: to.position, spread: spreadOnPlanes(inPhoto, to.spread, to.kind === "plane") } : inPhoto });
+        const name = `${place}, to ${to?.kind ?? "nothing"}`;
+        snaps[name] = (snaps[name] ?? 0) + 1;
+      }
       const found = pick(cloud, view, kWidth / 2, kHeight / 2, kWidth, kHeight, 12);
       if (!found) continue;
-      clicks.push({ place, truth, picked: pickedFrom(cloud, view, found, 0, 0, eyes) });
+      clicks.push({ way: "points", place, truth, picked: pickedFrom(cloud, view, found, 0, 0, eyes) });
     }
   });
+  console.log("refused in photos:", refused, "snapped:", snaps);
   return { eyes, up: cloud.basis[2], size, clicks };
 }
 
@@ -201,15 +232,16 @@ interface Measured {
   told: number;
 }
 
-function measure(session: Session, kind: Kind): Measured[] {
-  const { eyes, up, size, clicks } = session;
+function measure(session: Session, kind: Kind, way: Way): Measured[] {
+  const { eyes, up, size } = session;
+  const clicks = session.clicks.filter((it) => it.way === way);
   const found: Measured[] = [];
   for (let i = 0; i < 20 * kMeasured && found.length < kMeasured; ++i) {
     const chosen = Array.from({ length: kind === "area" ? 4 : pointsOf[kind] }, () => clicks[Math.floor(random() * clicks.length)]!);
     const places = chosen.map((it) => it.truth);
     // As far from each other as one measures.
     if (places.some((a, k) => places.some((b, l) => k !== l && norm(sub(a, b)) < 0.1 * size))) continue;
-    const told = resultOf({ kind, points: chosen.map((it) => it.picked) }, { up, unit: "m", reach: eyes.reach, camera: eyes.camera });
+    const told = resultOf({ kind, points: chosen.map((it) => it.picked) }, { up, scale: unscaled("m"), reach: eyes.reach, camera: eyes.camera });
     found.push({ value: told.value, truth: valueOf(kind, places, up), told: told.error });
   }
   return found;
@@ -233,21 +265,23 @@ const kinds: Kind[] = ["distance", "height", "angle", "area"];
 const groups = new Map<string, Measured[]>();
 const put = (name: string, more: readonly Measured[]): void => void groups.set(name, [...(groups.get(name) ?? []), ...more]);
 for (const [name, held, words] of missions.filter((it) => it[0].includes(only))) {
-  for (const seed of words === kSample ? [1] : kSeeds) {
+  for (const seed of words === kSample || words === name ? [1] : kSeeds) {
     process.stderr.write(`${name}, seed ${seed}\n`);
     const session = click(make(name, held, words, seed), words.split(" ")[1] ?? "", held === kFew);
-    for (const kind of kinds) {
-      const found = measure(session, kind);
-      put(name, found);
-      put(`all: ${kind}`, found);
+    for (const way of ways) {
+      for (const kind of kinds) {
+        const found = measure(session, kind, way);
+        put(`${name}, ${way}`, found);
+        put(`all ${way}: ${kind}`, found);
+      }
     }
-    for (const { place, truth, picked } of session.clicks) {
+    for (const { way, place, truth, picked } of session.clicks) {
       const off = sub(picked.position, truth);
-      const way = unit(off);
+      const along = unit(off);
       const c = covarianceOf(picked, session.eyes.camera(picked.keyframe), session.eyes.reach);
-      const told = Math.sqrt(way.reduce((sum, x, i) => sum + x * dot([c[3 * i]!, c[3 * i + 1]!, c[3 * i + 2]!], way), 0));
+      const told = Math.sqrt(along.reduce((sum, x, i) => sum + x * dot([c[3 * i]!, c[3 * i + 1]!, c[3 * i + 2]!], along), 0));
       const depth = pixelAt(picked, session.eyes) / session.eyes.pixel;
-      put(`point: ${place}`, [{ value: depth + norm(off), truth: depth, told }]); // shares of its distance
+      put(`${way}: ${place}`, [{ value: depth + norm(off), truth: depth, told }]); // shares of its distance
     }
   }
 }

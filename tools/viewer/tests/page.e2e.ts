@@ -132,13 +132,13 @@ test("clicks measure, and the address keeps it", async () => {
   await page.click("text=Distance");
   await page.mouse.click(400, 400);
   await page.mouse.click(600, 420);
-  await page.waitForSelector("#results li");
-  assert.match((await page.textContent("#results li")) ?? "", /Distance: \d.* ± \d.* m/);
-  await page.waitForTimeout(400);
+  await page.waitForSelector("#results tbody tr");
+  assert.match((await page.textContent("#results tbody tr")) ?? "", /Distance\d.* ± \d.* m/);
+  await page.waitForFunction(() => location.hash.includes("distance="));
   const address = page.url();
   assert.match(address, /distance=/);
   const { page: again } = await openFile(browser, report, { hash: address.split("#")[1] ?? "" });
-  assert.equal(await again.textContent("#results li"), await page.textContent("#results li"));
+  assert.equal(await again.textContent("#results tbody tr"), await page.textContent("#results tbody tr"));
   assert.equal(pointsOf.distance, 2);
   await page.context().close();
   await again.context().close();

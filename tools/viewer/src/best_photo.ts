@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// The photo that sees a point best: near, facing the surface, and with nothing in front.
+import type { Photo } from "./photo_pick";
+import { type Vec3, dot, norm, sub, toCamera, unit } from "./geometry";
+
+/** Relative difference of depths at which a photo shows something else. */
+const kSame = 0.03;
+/** Depths are looked for around the point [pixels of the depth map]. */
+const kAround = 3;
+/** A flat angle ranks low, but shows the point. */
+const kFlattest = 0.05;
+
+/** Whether the photo's depth map has the point, rather than what lies before or behind it. */
+export function sees(photo: Photo, position: Vec3): boolean {
+  const ray = toCamera(photo.pose, sub(position, photo.pose.center));
+  const distance = norm(ray);
+  if (!(distance > 0)) return false;
+  const [column, row] = photo.depths.placeOf(ray);
+  let nearest = Number.POSITIVE_INFINITY;
+  let isFound = false;
+  photo.depths.around(column, row, kAround, (c, r) => {
+    const depth = photo.depths.at(c, r);
+    if (depth === 0) return;
+    const off = Math.hypot(c + 0.5 - column, r + 0.5 - row);
+    if (off < nearest && off <= 1) [nearest, isFound] = [off, Math.abs(depth - distance) <= kSame * distance];
+    else if (nearest > 1 && Math.abs(depth - distance) <= kSame * distance) isFound = true;
+  });
+  return isFound;
+}
+
+/** How well: pixels per length of the surface. `normal`: null = unknown. */
+export function sharpness(photo: Photo, position: Vec3, normal: Vec3 | null): number {
+  const ray = sub(position, photo.pose.center);
+  const facing = normal ? Math.abs(dot(unit(ray), normal)) : 1;
+  return Math.max(facing, kFlattest) / Math.max(norm(ray), 1e-12);
+}
+
+/** null = no photo sees the point. */
+export function bestPhoto(photos: readonly Photo[], position: Vec3, normal: Vec3 | null): Photo | null {
+  let best: Photo | null = null;
+  let most = 0;
+  for (const photo of photos) {
+    const value = sharpness(photo, position, normal);
+    if (value > most && sees(photo, position)) [most, best] = [value, photo];
+  }
+  return best;
+}
