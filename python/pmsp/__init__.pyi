@@ -239,12 +239,12 @@ class RigidTransform:
 
     @property
     def rotation(self) -> NDArray[np.float64]:
-        """(3, 3), orthonormal, determinant +1; refers to the transform."""
+        """(3, 3), orthonormal, determinant +1; read-only: assign to change it."""
     @rotation.setter
     def rotation(self, value: ArrayLike) -> None: ...
     @property
     def translation(self) -> NDArray[np.float64]:
-        """(3,) [map units]; refers to the transform."""
+        """(3,) [map units]; read-only: assign to change it."""
     @translation.setter
     def translation(self, value: ArrayLike) -> None: ...
     @overload

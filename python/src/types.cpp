@@ -56,10 +56,11 @@ Pixels pixels_of(const Eigen::Ref<const Directions>& directions, int width, int 
 }
 
 std::string text_of_pose(const RigidTransform& pose) {
-  static const Eigen::IOFormat format(Eigen::FullPrecision, Eigen::DontAlignCols, ", ", ", ", "[", "]", "[", "]");
+  static const Eigen::IOFormat rows(Eigen::FullPrecision, Eigen::DontAlignCols, ", ", ", ", "[", "]", "[", "]");
+  static const Eigen::IOFormat row(Eigen::FullPrecision, Eigen::DontAlignCols, ", ", "", "[", "]");
   std::ostringstream text;
-  text << "RigidTransform(rotation=" << pose.rotation.format(format)
-       << ", translation=" << pose.translation.transpose().format(format) << ")";
+  text << "RigidTransform(rotation=" << pose.rotation.format(rows)
+       << ", translation=" << pose.translation.transpose().format(row) << ")";
   return text.str();
 }
 

@@ -33,7 +33,7 @@ def test_a_keyframe_refers_to_its_arrays_and_keeps_them_alive(image):
 
 
 BAD_IMAGES = [
-    (TypeError, "a list", [[[1, 2, 3]]]),
+    (TypeError, "of type list", [[[1, 2, 3]]]),
     (TypeError, "float64", np.zeros((16, 32, 3))),
     (TypeError, "int8", np.zeros((16, 32, 3), np.int8)),
     (ValueError, r"shape \(16, 32\)", np.zeros((16, 32), np.uint8)),
@@ -144,7 +144,9 @@ def test_poses():
     assert (pose * np.array([1.0, 0.0, 0.0])).tolist() == [1, 3, 3]
     assert pose * pose.inverse() == pmsp.RigidTransform()
     assert (pose * pose.center()).tolist() == [0, 0, 0]
-    pose.translation[1] = 5
+    with pytest.raises(ValueError, match="read-only"):
+        pose.translation[1] = 5
+    pose.translation = [1, 5, 3]
     assert pose.translation.tolist() == [1, 5, 3] and "translation=[1, 5, 3]" in repr(pose)
     matrix = np.eye(4)
     matrix[:3, 3] = 1, 5, 3

@@ -54,7 +54,7 @@ def test_errors_have_the_names_and_messages_of_the_library(keyframes, options, i
     options.advanced.fusion.min_confidence = 0.1
     densifier = pmsp.Densifier(options)
     keyframe = keyframes[0]
-    for bad, message in ((None, "no image"), (np.ascontiguousarray(image[:, :31]), "31"), (image[:6], "6")):
+    for bad, message in ((None, "the image is 0 x 0"), (np.ascontiguousarray(image[:, :31]), "31"), (image[:6], "6")):
         keyframe.image = bad
         with pytest.raises(pmsp.InvalidInput, match=message):
             densifier.add(keyframe)

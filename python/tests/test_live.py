@@ -50,7 +50,7 @@ def test_a_mission_becomes_clouds_that_follow_their_poses(live_keyframes, live_o
             assert not cloud.preliminary and cloud.cloud.points.dtype == pmsp.CloudPoint and len(cloud.cloud.points) > 0
 
         moved = live_keyframes[0]
-        moved.cam_from_world.translation += [0, 0, 1e-4]
+        moved.cam_from_world.translation = moved.cam_from_world.translation + [0, 0, 1e-4]
         live.update([moved])
         changes = live.changes_since(snapshot.version)
         assert [cloud.keyframe_id for cloud in changes.moved] == [moved.id]
