@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parent
 class CMakeBuild(build_ext):
     def build_extension(self, ext):
         packages = Path(self.get_ext_fullpath(ext.name)).resolve().parent.parent
-        build = Path(self.build_temp).resolve() / "cmake"
+        build = ROOT / "build-python"
         options = [
             "-DCMAKE_BUILD_TYPE=Release",
             "-DPMSP_BUILD_TOOLS=OFF",
@@ -43,5 +43,5 @@ setup(
     package_data={"pmsp": ["*.pyi", "py.typed"]},
     ext_modules=[Extension("pmsp._pmsp", [])],
     cmdclass={"build_ext": CMakeBuild},
-    options={"build": {"build_base": "build-wheel"}},  # build/ is CMake's
+    options={"build": {"build_base": "build-python/setuptools"}},  # build/ is CMake's
 )
