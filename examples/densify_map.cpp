@@ -10,8 +10,9 @@ int main(int argc, char** argv) {
   try {
     const pmsp::SlamMap map = pmsp::read_map(argv[1]);
     const auto images = pmsp::open_image_folder(map, argv[2]);
-    pmsp::CloudOutput cloud(argv[3], pmsp::cloud_header_of(map));
-    pmsp::densify(map, *images, pmsp::preset(pmsp::Quality::kOnline), cloud);
+    const pmsp::DensifierOptions options = pmsp::preset(pmsp::Quality::kOnline);
+    pmsp::CloudOutput cloud(argv[3], pmsp::cloud_header_of(map, options));
+    pmsp::densify(map, *images, options, cloud);
     cloud.commit();
     std::printf("%s: %lld points\n", argv[3], static_cast<long long>(cloud.points()));
   } catch (const std::exception& error) {

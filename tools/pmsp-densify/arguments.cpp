@@ -416,7 +416,7 @@ void check_run(const Arguments& a) {
 
 }  // namespace
 
-std::string version_text() { return "pmsp-densify " PMSP_VERSION_STRING; }
+std::string version_text() { return kGenerator; }
 
 void spell_out_switches(std::vector<std::string>& words) {
   for (std::string& word : words) {

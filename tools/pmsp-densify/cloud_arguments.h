@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "export/cloud_frame.h"
+#include "export/provenance.h"
 #include "pmsp/io/cloud.h"
 #include "pmsp/io/map.h"
 #include "workspace/record.h"
@@ -58,18 +59,8 @@ void check_unit(const char* option, const std::string& given, const CloudUnit& u
 /// Returns "metres, by --scale", "map units (no scale is known)", "not known".
 std::string unit_text(const CloudUnit& unit);
 
-/// Returns the provenance of results except the frame, as comments for files.
-std::vector<std::string> how_made(const DensifierOptions& options);
-
 /// Returns the workspace's record of its clouds.
 workspace::RecordedCloud recorded_cloud(const DensifierOptions& options, const SlamMap& map);
-
-/// Returns frame, unit and size of a cloud, for its files.
-nlohmann::ordered_json frame_json(const Similarity& file_from_map, const CloudUnit& unit, const CloudSelection& amount);
-
-/// Appends the same as comments.
-void add_frame_comments(std::vector<std::string>& comments, const Similarity& file_from_map, const CloudUnit& unit,
-                        const CloudSelection& amount);
 
 /// Returns frame and dropped points of the cloud, for stats.json.
 nlohmann::ordered_json cloud_json(const CloudArguments& arguments, const CloudFrame& frame);

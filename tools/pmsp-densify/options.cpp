@@ -134,38 +134,6 @@ void apply_level(DensifierOptions& options, const nlohmann::json& json, const st
 
 }  // namespace
 
-nlohmann::ordered_json to_json(const DensifierOptions& options) {
-  nlohmann::ordered_json json = nlohmann::ordered_json::object();
-  DensifierOptions copy = options;
-  for (const OptionEntry& entry : option_table()) {
-    const std::string key = entry.key;
-    const std::size_t dot = key.find('.');
-    auto& at = dot == std::string::npos ? json[key] : json[key.substr(0, dot)][key.substr(dot + 1)];
-    std::visit(
-        [&](auto field) {
-          using Field = std::decay_t<decltype(field(copy))>;
-          if constexpr (std::is_enum_v<Field>) {
-            at = name_of(field(copy));
-          } else if constexpr (std::is_same_v<Field, Devices>) {
-            const Devices& devices = field(copy);
-            at = devices;
-            if (devices.size() == 1) at = devices[0];
-            if (devices.empty()) at = "all";
-          } else {
-            at = field(copy);
-          }
-        },
-        entry.access);
-  }
-  return json;
-}
-
-nlohmann::ordered_json options_of_results(const DensifierOptions& options) {
-  nlohmann::ordered_json json = to_json(options);
-  for (const char* machine : {"backend", "device", "pipelined", "threads", "simd"}) json.erase(machine);
-  return json;
-}
-
 void apply_json(DensifierOptions& options, const nlohmann::json& json, const std::string& source) {
   if (!json.is_object()) throw InvalidOption(source + ": holds no JSON object");
   nlohmann::json rest = json;

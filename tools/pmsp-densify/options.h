@@ -6,6 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "export/provenance.h"
 #include "option_table.h"
 #include "pmsp/options.h"
 
@@ -30,12 +31,6 @@ std::string description_of(const OptionEntry& entry);
 
 /// Returns "; did you mean --fps?" for the candidate nearest to `word`; "" if none is within two edits.
 std::string suggestion(const std::string& word, const std::vector<std::string>& candidates);
-
-/// Returns all options, nested by stage, in the order of the table.
-nlohmann::ordered_json to_json(const DensifierOptions& options);
-
-/// Returns the options without those of the machine, which do not affect results except through the processor type.
-nlohmann::ordered_json options_of_results(const DensifierOptions& options);
 
 /// Sets the options in `json`. Throws InvalidOption with `source` (the file) and key; for unknown keys, with the most
 /// similar one.

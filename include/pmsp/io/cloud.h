@@ -167,6 +167,10 @@ struct CloudSelection {
 PMSP_API CloudHeader cloud_header_of(const SlamMap& map, const Similarity& file_from_map = {},
                                      double range_margin = InitOptions().range_margin);
 
+/// Returns the header of pmsp-densify for a cloud in map units: also generator, unit, and as comments seed and options.
+/// `options`: of densify(); with a lens distance that it estimates, the tool stores that one.
+PMSP_API CloudHeader cloud_header_of(const SlamMap& map, const DensifierOptions& options);
+
 /// Output of a mission's points in several formats, in bounded memory: transforms them into the frame of the files,
 /// crops and thins them. Targets are replaced by `commit`, else unchanged.
 class PMSP_API CloudOutput {
