@@ -6,6 +6,7 @@ namespace pmsp {
 
 // Each is defined in its format's file.
 std::unique_ptr<CloudWriter> open_ply(const std::filesystem::path& path, const CloudHeader& header);
+std::unique_ptr<CloudWriter> open_splat(const std::filesystem::path& path, const CloudHeader& header);
 std::unique_ptr<CloudWriter> open_las(const std::filesystem::path& path, const CloudHeader& header);
 std::unique_ptr<CloudWriter> open_colmap(const std::filesystem::path& path, const CloudHeader& header);
 std::unique_ptr<CloudWriter> open_nerfstudio(const std::filesystem::path& path, const CloudHeader& header);
@@ -17,6 +18,7 @@ bool is_potree_name(const std::string& name);
 const std::vector<CloudFormat>& cloud_formats() {
   static const std::vector<CloudFormat> kFormats{
       {"ply", ".ply", "binary PLY, with normals, colour, confidence and views", nullptr, open_ply},
+      {"splat", ".splat.ply", "Gaussian splats, a disc at each point, for viewers of 3DGS", nullptr, open_splat},
       {"las", ".las", "LAS 1.4, point format 7, with the same as extra bytes", nullptr, open_las},
       {"colmap", ".colmap", "model and images for COLMAP and trainers", is_colmap_name, open_colmap},
       {"nerfstudio", ".nerfstudio", "images, transforms.json and points for trainers", is_nerfstudio_name,
@@ -35,14 +37,19 @@ const CloudFormat* find_cloud_format(const std::string& name) {
 
 const CloudFormat* cloud_format_of(const std::filesystem::path& path) {
   const std::filesystem::path plain = path.has_filename() ? path : path.parent_path();  // "folder.potree/"
-  const std::string extension = lower_case(plain.extension().string());
+  const std::string name = lower_case(plain.filename().string());
+  const CloudFormat* longest = nullptr;
   for (const CloudFormat& format : cloud_formats()) {
-    if (extension == format.extension) return &format;
+    const std::string extension = format.extension;
+    const bool fits = name.size() > extension.size() && name.rfind(extension) == name.size() - extension.size();
+    if (fits && (longest == nullptr || extension.size() > std::string(longest->extension).size())) longest = &format;
   }
-  return nullptr;
+  return longest;
 }
 
 void CloudWriter::set_window(std::int64_t, const std::vector<std::int64_t>&) {}
+
+void CloudWriter::add_depth(const DepthMap&) {}
 
 bool CloudWriter::add_parallel(std::size_t, const PointProducer&) { return false; }
 

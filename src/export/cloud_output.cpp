@@ -152,6 +152,11 @@ void CloudOutput::add(const OutputPoint* points, std::size_t count, const Simila
   }
 }
 
+void CloudOutput::add_depth(const DepthMap& map) {
+  impl_->require_open();
+  for (const auto& writer : impl_->writers) writer->add_depth(map);
+}
+
 std::int64_t CloudOutput::points_in() const { return impl_->added; }
 std::int64_t CloudOutput::points() const { return impl_->written; }
 

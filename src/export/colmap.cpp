@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // COLMAP model (binary, as of version 4.1; older readers ignore rigs and frames): sparse/0, images/, and masks/ with
-// names for COLMAP's --ImageReader.mask_path.
+// names for COLMAP's --ImageReader.mask_path. depths.json describes the depth images.
 #include <map>
 #include <string>
 #include <utility>
@@ -16,7 +16,8 @@
 namespace pmsp {
 
 bool is_colmap_name(const std::string& name) {
-  return name == "sparse" || name == "images" || name == "masks" || name == "pmsp.txt";
+  return name == "sparse" || name == "images" || name == "masks" || name == "pmsp.txt" ||
+         DatasetDepthFiles::is_name(name);
 }
 
 namespace {
@@ -48,6 +49,8 @@ class Colmap final : public CloudWriter {
 
   void add(const OutputPoint* points, std::size_t count) override { dataset_.add(points, count); }
 
+  void add_depth(const DepthMap& map) override { dataset_.add_depth(map); }
+
   void finish() override {
     views_ = dataset_.put_images();
     for (std::size_t i = 0; i < views_.size(); ++i) {
@@ -70,6 +73,9 @@ class Colmap final : public CloudWriter {
     std::string notes;
     for (const std::string& comment : dataset_.header().comments) notes += comment + "\n";
     write_file(dataset_.folder() / "pmsp.txt", notes);
+    if (const DatasetDepthFiles* depth = dataset_.depth()) {
+      write_file(dataset_.folder() / "depths.json", depth->description().dump(1) + "\n");
+    }
     dataset_.commit(views_);
   }
 

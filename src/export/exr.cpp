@@ -2,6 +2,7 @@
 // OpenEXR 2, single part, scan lines, uncompressed ("OpenEXR File Layout").
 #include <algorithm>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "export/files.h"
@@ -80,6 +81,17 @@ void write_exr(const std::filesystem::path& path, std::vector<ImageChannel> chan
     file.write(text);
   }
   file.commit();
+}
+
+void write_exr(const std::filesystem::path& path, const DepthMap& map) {
+  std::vector<ImageChannel> channels{{"Z", map.depth}, {"confidence", map.confidence}};
+  const char* const kNames[] = {"N.X", "N.Y", "N.Z"};
+  for (int i = 0; i < 3; ++i) {
+    Image<float> values(map.normal.width(), map.normal.height());
+    for (std::size_t k = 0; k < values.size(); ++k) values.pixels()[k] = map.normal.pixels()[k][i];
+    channels.push_back({kNames[i], std::move(values)});
+  }
+  write_exr(path, std::move(channels));
 }
 
 }  // namespace pmsp

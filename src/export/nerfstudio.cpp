@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Dataset for nerfstudio and other trainers that read transforms.json: images/, masks/, transforms.json, points.ply.
+// Dataset for nerfstudio and other trainers that read transforms.json: images/, masks/, transforms.json, points.ply,
+// and depth images.
 #include <string>
 
 #include <nlohmann/json.hpp>
@@ -11,7 +12,8 @@ namespace pmsp {
 std::unique_ptr<CloudWriter> open_ply(const std::filesystem::path& path, const CloudHeader& header);
 
 bool is_nerfstudio_name(const std::string& name) {
-  return name == "transforms.json" || name == "images" || name == "masks" || name == "points.ply";
+  return name == "transforms.json" || name == "images" || name == "masks" || name == "points.ply" ||
+         DatasetDepthFiles::is_name(name);
 }
 
 namespace {
@@ -46,6 +48,8 @@ class Nerfstudio final : public CloudWriter {
 
   void add(const OutputPoint* points, std::size_t count) override { dataset_.add(points, count); }
 
+  void add_depth(const DepthMap& map) override { dataset_.add_depth(map); }
+
   void finish() override {
     const std::vector<OutputView> views = dataset_.put_images();
     dataset_.finish([this](const OutputPoint* points, std::size_t count) { ply_->add(points, count); });
@@ -57,10 +61,12 @@ class Nerfstudio final : public CloudWriter {
     }
     if (is_one_size) set_size(json, views[0]);
     json["ply_file_path"] = "points.ply";
+    if (dataset_.depth() != nullptr) json.update(dataset_.depth()->description());
     json["frames"] = Json::array();
     for (const OutputView& view : views) {
       Json frame{{"file_path", "images/" + view.name}};
       if (view.has_mask) frame["mask_path"] = "masks/" + view.name + ".png";
+      if (dataset_.depth() != nullptr) frame.update(dataset_.depth()->files_of(view));
       if (!is_one_size) set_size(frame, view);
       frame["transform_matrix"] = camera_matrix(view.cam_from_file);
       frame["timestamp"] = view.timestamp;

@@ -1,51 +1,16 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <algorithm>
-#include <cmath>
 #include <string>
-#include <utility>
 
 #include "export/little_endian.h"
+#include "export/ply_header.h"
 #include "export/record_file.h"
-#include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
 
 namespace pmsp {
 namespace {
 
-constexpr int kCountDigits = 19;  // of any non-negative int64
-
-// Line with the vertex count. A blank comment before it pads to a fixed length, so that the count can be patched and
-// needs no leading zeros or spaces, which some readers reject.
-std::string vertex_lines(std::int64_t count) {
-  const std::string digits = std::to_string(count);
-  return "comment" + std::string(static_cast<std::size_t>(kCountDigits) - digits.size() + 1, ' ') +
-         "\nelement vertex " + digits + "\n";
-}
-
-// Comments, split into lines that begin with "... " after the first: CloudCompare 2.11 stops at lines of 1 KiB.
-std::string comment_lines(std::string text) {
-  constexpr std::size_t kMostCommentBytes = 200;
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
-  std::string lines;
-  while (text.size() > kMostCommentBytes) {
-    const std::size_t comma = text.rfind(',', kMostCommentBytes - 1);
-    const std::size_t end = comma != std::string::npos && comma > kMostCommentBytes / 2 ? comma + 1 : kMostCommentBytes;
-    lines += "comment " + text.substr(0, end) + "\n";
-    text = "... " + text.substr(end);
-  }
-  return lines + "comment " + text + "\n";
-}
-
-// Header up to the vertex count.
-std::string first_lines(const std::vector<std::string>& comments) {
-  std::string lines = "ply\nformat binary_little_endian 1.0\n";
-  for (const std::string& comment : comments) lines += comment_lines(comment);
-  return lines;
-}
-
-// Header after the vertex count. CloudCompare reads further properties if their names begin with "scalar_".
-std::string last_lines(bool double_positions) {
+// CloudCompare reads further properties if their names begin with "scalar_".
+std::string property_lines(bool double_positions) {
   std::string lines;
   for (const char* axis : {"x", "y", "z"}) {
     lines += std::string("property ") + (double_positions ? "double " : "float ") + axis + "\n";
@@ -53,13 +18,7 @@ std::string last_lines(bool double_positions) {
   return lines +
          "property float nx\nproperty float ny\nproperty float nz\n"
          "property uchar red\nproperty uchar green\nproperty uchar blue\n"
-         "property float scalar_confidence\nproperty uchar scalar_views\nend_header\n";
-}
-
-// True if the resolution of float at the cloud's distance from the origin is worse than 1e-6 of the reach.
-bool needs_double(const CloudHeader& header) {
-  constexpr double kFloatStep = 6e-8;  // half of the last bit
-  return (header.center.norm() + header.reach) * kFloatStep > 1e-6 * header.reach;
+         "property float scalar_confidence\nproperty uchar scalar_views\n";
 }
 
 template <class Coordinate>
@@ -78,7 +37,11 @@ void encode(const OutputPoint* points, std::size_t count, char* to) {
 class Ply final : public CloudWriter {
  public:
   Ply(const std::filesystem::path& path, const CloudHeader& header)
-      : Ply(path, first_lines(header.comments), header.double_positions || needs_double(header), header.threads) {}
+      : double_positions_(header.double_positions || needs_double(header)),
+        header_(header.comments, property_lines(double_positions_)),
+        file_(path, header_.text(0),
+              (double_positions_ ? 3 * sizeof(double) : 3 * sizeof(float)) + 3 * sizeof(float) + 3 + sizeof(float) + 1,
+              header.threads) {}
 
   void add(const OutputPoint* points, std::size_t count) override {
     file_.add(points, count, double_positions_ ? encode<double> : encode<float>);
@@ -90,20 +53,13 @@ class Ply final : public CloudWriter {
   }
 
   void finish() override {
-    file_.patch(count_offset_, vertex_lines(file_.points()));
+    file_.patch(0, header_.text(file_.points()));
     file_.commit();
   }
 
  private:
-  Ply(const std::filesystem::path& path, const std::string& first, bool double_positions, int threads)
-      : double_positions_(double_positions),
-        count_offset_(static_cast<std::int64_t>(first.size())),
-        file_(path, first + vertex_lines(0) + last_lines(double_positions),
-              (double_positions ? 3 * sizeof(double) : 3 * sizeof(float)) + 3 * sizeof(float) + 3 + sizeof(float) + 1,
-              threads) {}
-
   bool double_positions_;
-  std::int64_t count_offset_;
+  PlyHeader header_;
   RecordFile file_;
 };
 

@@ -46,6 +46,12 @@ class RecordFile {
     });
   }
 
+  /// Appends points of any other kind: `fill(first, number, to)` encodes some of them; called concurrently.
+  template <class Fill>
+  void fill(std::size_t count, const Fill& fill) {
+    each_share(count, fill);
+  }
+
   std::int64_t points() const { return points_; }
   /// Overwrites part of the header.
   void patch(std::int64_t offset, const std::string& text) { file_.patch(offset, text); }

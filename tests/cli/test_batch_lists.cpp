@@ -231,7 +231,7 @@ TEST_CASE("Missions of a batch have clouds in the requested formats", "[batch]")
 
   const Result wrong = missions.batch({"--format", "las,obj"});
   CHECK(wrong.code == 2);
-  CHECK_THAT(wrong.err, Contains("las,obj") && Contains("ply, las"));
+  CHECK_THAT(wrong.err, Contains("las,obj") && Contains("ply, splat, las"));
 }
 
 TEST_CASE("the fingerprint of a mission changes with each of its files", "[batch]") {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 
@@ -10,6 +11,7 @@
 
 #include "cli/command.h"
 #include "pmsp/io/cloud.h"
+#include "pmsp/io/depth.h"
 
 using namespace pmsp;
 using namespace pmsp_test;
@@ -154,6 +156,50 @@ TEST_CASE("depth maps have the requested formats and an index", "[outputs]") {
   require_ok(densify(quick_run(dir / "c.ply", {"--depth-maps", depth, "--depth-format", "pfm", "--force"})));
   CHECK(std::distance(fs::directory_iterator(dir / "d"), fs::directory_iterator()) ==
         1 + 3 * 5);  // old ones are removed
+}
+
+TEST_CASE("datasets contain the depth maps of the run for readers of transforms.json", "[outputs]") {
+  const TempDir dir;
+  const std::string work = (dir / "work").string(), depth = (dir / "d").string();
+  const Words wanted{"--dataset-depth", "png,exr", "--scale", "3"};
+  const Words targets{"-o", (dir / "c.colmap").string(), "-o", (dir / "n.nerfstudio").string()};
+  require_ok(densify(quick(joined(joined(targets, wanted), {"--depth-maps", depth, "--depth-format", "exr"}))));
+  const auto index = nlohmann::json::parse(read_text(dir / "d/index.json"));
+  const double lens = index["lens_distance"].get<double>();
+  const auto json = nlohmann::json::parse(read_text(dir / "n.nerfstudio/transforms.json"));
+  CHECK(json["depth_unit_scale_factor"] == 0.001);  // nerfstudio's default, since the cloud is in metres
+  REQUIRE(json["frames"].size() == 5);
+  std::size_t with_depth = 0;
+  for (const auto& map : index["maps"]) {
+    const auto& frame = json["frames"][map["keyframe_id"].get<std::size_t>()];
+    const Image<float> expected = read_exr_depth(dir / "d" / map["exr"].get<std::string>());
+    const fs::path png = dir / "n.nerfstudio" / frame["depth_file_path"].get<std::string>();
+    const Image<float> millimetres = read_png16(png, 0.001);
+    const Image<float> exr = read_exr_depth(dir / "n.nerfstudio" / frame["exr_file_path"].get<std::string>());
+    REQUIRE(exr.width() == expected.width());
+    std::size_t wrong = 0;
+    for (std::size_t i = 0; i < exr.size(); ++i) {
+      const float from = 3.0F * expected.pixels()[i], to = exr.pixels()[i];
+      wrong += (to > 0.0F) != (from > 0.0F) || std::abs(to - from) > 1.5 * std::abs(lens) + 1e-5;
+      wrong += std::abs(millimetres.pixels()[i] - to) > 0.00051F;
+      with_depth += to > 0.0F;
+    }
+    CHECK(wrong == 0);
+    CHECK(read_text(png) == read_text(dir / "c.colmap" / frame["depth_file_path"].get<std::string>()));
+  }
+  CHECK(with_depth > 1000);
+
+  const Words kept{"--workspace", work};
+  require_ok(densify(quick(joined(kept, {"-o", (dir / "w.ply").string(), "--scale", "3"}))));
+  require_ok(densify(quick(joined(joined(kept, wanted), {"-o", (dir / "w.nerfstudio").string()}))));
+  CHECK((all_bytes(dir / "w.nerfstudio") == all_bytes(dir / "n.nerfstudio")));
+
+  const Result none = densify(quick(joined({"-o", (dir / "x.ply").string()}, wanted)));
+  CHECK(none.code == 2);
+  CHECK_THAT(none.err, Contains("--dataset-depth") && Contains(".nerfstudio") && Contains("--depth-maps"));
+  const Result pfm = densify(quick(joined(targets, {"--dataset-depth", "pfm"})));
+  CHECK(pfm.code == 2);
+  CHECK_THAT(pfm.err, Contains("expected exr or png"));
 }
 
 TEST_CASE("datasets contain the masks under the names that their readers expect", "[outputs]") {

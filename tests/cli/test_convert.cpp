@@ -48,8 +48,8 @@ TEST_CASE("convert on a workspace gives the bytes of a run with the same options
   const Words options = GENERATE(Words{}, Words{"--scale", "2.5", "--up", "--voxel", "0.1", "--max-points", "900"},
                                  Words{"--crop", "-9,-9,-9,9,9,0.5", "--date", "2026-03-14"});
   const auto outputs = [&](const std::string& name) {
-    return Words{"-o", (dir / (name + ".ply")).string(),   "-o", (dir / (name + ".las")).string(),
-                 "-o", (dir / (name + ".potree")).string()};
+    return Words{"-o", (dir / (name + ".ply")).string(),    "-o", (dir / (name + ".las")).string(),
+                 "-o", (dir / (name + ".potree")).string(), "-o", (dir / (name + ".splat.ply")).string()};
   };
   Words run = quick_run("", joined(outputs("run"), options));
   run.erase(std::find(run.begin(), run.end(), "-o"), std::find(run.begin(), run.end(), "-o") + 2);
@@ -57,6 +57,9 @@ TEST_CASE("convert on a workspace gives the bytes of a run with the same options
   require_ok(densify(joined(joined({"convert", (mission_run() / "work").string()}, outputs("made")), options)));
   CHECK((read_text(dir / "made.ply") == read_text(dir / "run.ply")));  // not to be printed
   CHECK((read_text(dir / "made.las") == read_text(dir / "run.las")));
+  CHECK((read_text(dir / "made.splat.ply") == read_text(dir / "run.splat.ply")));
+  require_ok(convert(dir / "run.ply", dir / "again.splat.ply"));
+  CHECK((read_text(dir / "again.splat.ply") == read_text(dir / "run.splat.ply")));
   for (const char* file : {"metadata.json", "octree.bin", "hierarchy.bin"}) {
     CHECK((read_text(dir / "made.potree" / file) == read_text(dir / "run.potree" / file)));
   }
@@ -234,6 +237,9 @@ TEST_CASE("a cloud of another program is converted and missing fields stay missi
   const CloudInfo info = info_of(dir / "b.las");
   CHECK((!info.has_normals && !info.has_colors && !info.has_confidence && !info.has_views));
   CHECK(info.unit.kind == CloudUnit::Kind::kUnknown);
+  const Result splats = convert(dir / "a.ply", dir / "a.splat.ply");
+  CHECK(splats.code == 3);
+  CHECK_THAT(splats.err, Contains("contains no normals") && Contains("CloudCompare"));
   require_ok(convert(dir / "b.las", dir / "c.ply", {"--scale", "2"}));
   const PlyCloud back = read_ply(dir / "c.ply");
   REQUIRE(back.positions.size() == 3);

@@ -95,7 +95,7 @@ TEST_CASE("usage errors exit with 2 and name the cause") {
        "and --preview look"},
       {{"m.msg", "--images", "a", "-o", "c.laz"}, "no format has the extension .laz; expected --format"},
       {{"m.msg", "--images", "a", "-o", "c.ply", "-o", "./c.ply"}, "--output c.ply and --output ./c.ply"},
-      {{"m.msg", "--images", "a", "-o", "c.ply", "--format", "e57"}, "--format is \"e57\"; expected one of ply, las"},
+      {{"m.msg", "--images", "a", "-o", "c.ply", "--format", "e57"}, "--format is \"e57\"; expected one of ply, splat, las"},
       {{"m.msg", "--images", "a", "-o", "c.ply", "--format", "ply", "--format", "las"}, "--format is given 2 and -o 1"},
       {{"m.msg", "--images", "a", "--crop", "1,2,3,0,4,5"}, "--crop is \"1,2,3,0,4,5\"; expected two"},
       {{"m.msg", "--images", "a", "--crop", "1,2,3,4,5,6,7"}, "--crop is"},

@@ -17,7 +17,7 @@ import subprocess
 import sys
 
 OWN = ("pmsp-densify", "pmsp-synth", "pmsp-eval")
-SKIPPED = ("cmake", "colmap", "demo", "ffmpeg", "mission.sh", "mkdir", "pip", "run_video_slam", "setup", "snakemake", "test")
+SKIPPED = ("cmake", "colmap", "demo", "ffmpeg", "mission.sh", "mkdir", "ns-train", "pip", "run_video_slam", "setup", "snakemake", "test")
 OUTPUTS = ("-o", "--report", "--depth-maps")
 SMALL = (
     (r"(pmsp-densify (run|info|fuse|batch)\b|pmsp-densify(?= \S*(/|\.msg)))", r"\1 --width 64"),

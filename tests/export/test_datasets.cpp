@@ -12,8 +12,10 @@
 
 #include "elementary.h"
 #include "export/sample_points.h"
+#include "pmsp/camera.h"
 #include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
+#include "pmsp/io/depth.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;
@@ -263,6 +265,83 @@ TEST_CASE("rays of a nerfstudio dataset meet the points at their pixels") {
     }
     const Eigen::Vector3d towards = (cloud.positions[i] - m.topRightCorner<3, 1>()).normalized();
     CHECK((m.topLeftCorner<3, 3>() * ray - towards).norm() < 1e-6);
+  }
+}
+
+TEST_CASE("datasets have the depth of each image from the camera centre in the unit of the poses") {
+  constexpr int kWidth = 64, kHeight = 32;
+  const auto depth_map = [](std::int64_t id) {
+    DepthMap map;
+    map.keyframe_id = id;
+    map.scale = 2.0;
+    map.depth = map.confidence = Image<float>(kWidth, kHeight, 0.0F);
+    map.normal = Image<Eigen::Vector3f>(kWidth, kHeight, Eigen::Vector3f::Zero());
+    for (int x = 1; x < kWidth; ++x) {
+      map.depth(x, 3) = 1.0F + 0.02F * static_cast<float>(x) + 0.1F * static_cast<float>(id);
+      map.normal(x, 3) = Eigen::Vector3f(0.1F, 0.2F, -1.0F).normalized();
+      map.confidence(x, 3) = 0.01F * static_cast<float>(x);
+    }
+    return map;
+  };
+  const double lens_distance = GENERATE(0.0, 0.3);
+  for (const std::string format : {"nerfstudio", "colmap"}) {
+    CAPTURE(format, lens_distance);
+    const TempDir dir, scratch;
+    CloudHeader header = dataset_header();
+    header.scratch = scratch.path();
+    header.file_from_map.scale = 3.0;
+    header.dataset_depth.png = header.dataset_depth.exr = true;
+    header.dataset_depth.png_scale = 2e-4;
+    header.dataset_depth.lens_distance = lens_distance;
+    const fs::path folder = dir / "d";
+    const auto write = [&](const CloudHeader& with, const std::vector<std::int64_t>& ids) {
+      CloudOutput output(with, {}, {{find_cloud_format(format), folder}});
+      for (const std::int64_t id : ids) output.add_depth(depth_map(id));
+      output.commit();
+    };
+    write(header, {0, 1, 2, 4, 99});  // 99 has no image, others no depth map
+    const auto json =
+        nlohmann::json::parse(read_text(folder / (format == "colmap" ? "depths.json" : "transforms.json")));
+    CHECK(json["is_euclidean_depth"] == true);
+    const double unit = json["depth_unit_scale_factor"].get<double>();
+    CHECK(unit == 2e-4);
+    std::size_t wrong = 0;
+    for (std::size_t i = 0; i < 8; ++i) {
+      const std::string stem = "frame" + std::to_string(i), name = "depths/" + stem;
+      if (format != "colmap") {
+        const auto& frame = json["frames"][i];
+        CHECK(frame["depth_file_path"] == name + ".png");
+        CHECK(frame["exr_file_path"] == name + ".exr");
+        CHECK(frame["normal_file_path"] == "normals/" + stem + ".png");
+        CHECK(frame["confidence_file_path"] == "confidences/" + stem + ".png");
+      }
+      const Image<float> png = read_png16(folder / (name + ".png"), unit),
+                         exr = read_exr_depth(folder / (name + ".exr"));
+      const Image<Eigen::Vector3f> normals = read_png16_normals(folder / "normals" / (stem + ".png"));
+      const Image<float> confidence = read_png16(folder / "confidences" / (stem + ".png"), 1.0 / 65535.0);
+      REQUIRE(png.width() == kWidth);
+      const bool has_depth = i < 3 || i == 4;
+      const DepthMap map = depth_map(static_cast<std::int64_t>(i));
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          Eigen::Vector3d point =
+              map.depth(x, y) * bearing_from_pixel({x + 0.5, y + 0.5}, kWidth, kHeight);  // from the lens
+          point.z() += (point.z() < 0.0 ? -0.5 : 0.5) * header.dataset_depth.lens_distance;
+          const double expected = has_depth && map.depth(x, y) > 0.0F ? 6.0 * point.norm() : 0.0;
+          wrong += std::abs(png(x, y) - expected) > 0.6 * unit || std::abs(exr(x, y) - expected) > 1e-5;
+          const bool is_known = expected > 0.0;
+          wrong += (normals(x, y) - (is_known ? map.normal(x, y) : Eigen::Vector3f(0, 0, 0))).norm() > 1e-4F;
+          wrong += std::abs(confidence(x, y) - (is_known ? map.confidence(x, y) : 0.0F)) > 1e-4F;
+        }
+      }
+    }
+    CHECK(wrong == 0);
+    CHECK(std::distance(fs::directory_iterator(folder / "depths"), fs::directory_iterator()) == 16);
+    header.dataset_depth.exr = false;
+    write(header, {1});  // files of the earlier run are removed
+    CHECK(std::distance(fs::directory_iterator(folder / "depths"), fs::directory_iterator()) == 8);
+    write(dataset_header(), {1});
+    for (const char* name : {"depths", "normals", "confidences", "depths.json"}) CHECK(!fs::exists(folder / name));
   }
 }
 

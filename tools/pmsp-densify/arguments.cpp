@@ -38,19 +38,20 @@ void shorten_help(CLI::App& verb, bool all) {
   }
 }
 
-DepthFormats depth_formats_from(const std::string& list) {
+DepthFormats depth_formats_from(const char* option, const std::string& list, bool may_be_pfm) {
   DepthFormats formats{false, false, false, false};
   std::istringstream names(list);
   std::string name;
   bool is_good = !list.empty() && list.back() != ',';
   while (is_good && std::getline(names, name, ',')) {
-    is_good = name == "pfm" || name == "exr" || name == "png";
+    is_good = (name == "pfm" && may_be_pfm) || name == "exr" || name == "png";
     formats.pfm = formats.pfm || name == "pfm";
     formats.exr = formats.exr || name == "exr";
     formats.png = formats.png || name == "png";
   }
   if (is_good) return formats;
-  throw UsageError("--depth-format is \"" + list + "\"; expected pfm, exr or png, separated by commas");
+  throw UsageError(std::string(option) + " is \"" + list + "\"; expected " + (may_be_pfm ? "pfm, " : "") +
+                   "exr or png, separated by commas");
 }
 
 std::int64_t frame_offset_from(const std::string& text) {
@@ -165,9 +166,22 @@ void add_outputs(CLI::App& app, Arguments& a) {
       ->type_name("DIR")
       ->group(group);
   app.add_option_function<std::string>(
-         "--depth-format", [&a](const std::string& list) { a.depth_formats = depth_formats_from(list); },
+         "--depth-format",
+         [&a](const std::string& list) { a.depth_formats = depth_formats_from("--depth-format", list, true); },
          "Formats of depth maps: pfm, exr or png (16-bit), separated by commas [default: pfm, and the depth as "
          "png]")
+      ->type_name("NAMES")
+      ->group(group);
+  app.add_option_function<std::string>(
+         "--dataset-depth",
+         [&a](const std::string& list) {
+           const DepthFormats formats = depth_formats_from("--dataset-depth", list, false);
+           a.cloud.dataset_depth.png = formats.png;
+           a.cloud.dataset_depth.exr = formats.exr;
+         },
+         "COLMAP, nerfstudio: depth, normals and confidence of each image in the dataset, as png (16-bit), exr or "
+         "both, "
+         "separated by commas [default: none]")
       ->type_name("NAMES")
       ->group(group);
   app.add_option(

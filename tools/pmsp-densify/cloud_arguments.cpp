@@ -9,6 +9,7 @@
 #include <CLI/CLI.hpp>
 
 #include "arguments.h"
+#include "depth_output.h"
 #include "exit_code.h"
 #include "export/files.h"
 #include "numbers.h"
@@ -154,6 +155,17 @@ std::vector<CloudOutput::Target> CloudArguments::targets() const {
   return targets;
 }
 
+bool is_dataset(const CloudFormat& format) {
+  return format.name == std::string("colmap") || format.name == std::string("nerfstudio");
+}
+
+bool CloudArguments::wants_depth() const {
+  const std::vector<CloudOutput::Target> all = targets();
+  return dataset_depth.is_wanted() && std::any_of(all.begin(), all.end(), [](const CloudOutput::Target& target) {
+           return is_dataset(*target.format);
+         });
+}
+
 std::string CloudArguments::text() const {
   std::string text;
   for (const std::filesystem::path& path : paths) text += (text.empty() ? "" : ", ") + path.string();
@@ -186,6 +198,11 @@ void check_cloud_arguments(const CloudArguments& arguments) {
     if (extension.empty() || cloud_format_of(arguments.paths[i]) != nullptr) continue;
     throw UsageError("--output " + arguments.paths[i].string() + ": no format has the extension " + extension +
                      "; expected --format with one of " + names_of_formats() + ", or the extension of one");
+  }
+  if (arguments.dataset_depth.is_wanted() && !arguments.wants_depth()) {
+    throw UsageError(
+        "--dataset-depth needs a dataset: add an output .colmap or .nerfstudio, or write depth maps of the run with "
+        "--depth-maps");
   }
   if (!arguments.frame.align.empty() && arguments.frame.up) {
     throw UsageError("--align and --up exclude each other: --align determines the vertical axis");
@@ -252,6 +269,17 @@ std::string read_wkt(const std::filesystem::path& path) {
   return wkt;
 }
 
+namespace {
+
+/// Millimetres, the default of nerfstudio, for clouds in metres that they suffice for; else the steps of --depth-maps.
+double dataset_depth_scale(const SlamMap& map, double range_margin, const CloudFrame& frame) {
+  constexpr double kMillimetre = 1e-3;
+  const double scale = png_depth_scale(map, range_margin) * frame.file_from_map.scale;
+  return frame.unit.kind == CloudUnit::Kind::kMetres && scale <= kMillimetre ? kMillimetre : scale;
+}
+
+}  // namespace
+
 CloudHeader cloud_header(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
                          const CloudFrame& frame) {
   CloudHeader header = cloud_header_of(map, frame.file_from_map, options.advanced.init.range_margin);
@@ -266,6 +294,9 @@ CloudHeader cloud_header(const Arguments& arguments, const DensifierOptions& opt
   header.day_of_year = arguments.cloud.day_of_year;
   header.scratch = scratch_folder(arguments);
   header.dataset_points = arguments.cloud.dataset_points;
+  header.dataset_depth = arguments.cloud.dataset_depth;
+  header.dataset_depth.lens_distance = options.lens_distance;
+  header.dataset_depth.png_scale = dataset_depth_scale(map, options.advanced.init.range_margin, frame);
   return header;
 }
 

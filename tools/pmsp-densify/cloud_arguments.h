@@ -33,9 +33,12 @@ struct CloudArguments {
   FrameOptions frame;
   CloudSelection amount;
   std::int64_t dataset_points = 1'000'000;
+  DatasetDepth dataset_depth;  ///< formats
 
   /// Targets of CloudOutput.
   std::vector<CloudOutput::Target> targets() const;
+  /// Whether an output is a dataset with depth images.
+  bool wants_depth() const;
   /// Returns "cloud.ply, cloud.las".
   std::string text() const;
 };
@@ -45,6 +48,8 @@ void add_cloud_options(CLI::App& app, CloudArguments& arguments);
 
 /// Throws UsageError.
 void check_cloud_arguments(const CloudArguments& arguments);
+
+bool is_dataset(const CloudFormat& format);
 
 /// Returns "ply, las, ...".
 std::string names_of_formats();

@@ -74,6 +74,16 @@ struct CloudUnit {
   std::string by;  ///< source of the scale in metres: an option, such as "--scale"; else ""
 };
 
+/// Depth images of a dataset: distance from the camera centre, normals and confidence of each image.
+struct DatasetDepth {
+  bool png = false;            ///< as 16-bit PNG
+  bool exr = false;            ///< as EXR
+  double png_scale = 1e-3;     ///< depth of a gray level [unit of the file]
+  double lens_distance = 0.0;  ///< of the depth maps, see DensifierOptions
+
+  bool is_wanted() const { return png || exr; }
+};
+
 /// Cloud metadata, passed to the writer before any point. Must follow from inputs and options only, not from clock or
 /// machine, so that equal runs give equal bytes.
 struct CloudHeader {
@@ -94,6 +104,7 @@ struct CloudHeader {
   /// none) into `masks`; returns their cameras by ascending keyframe id. Called after the last point.
   std::function<std::vector<OutputView>(const std::filesystem::path& folder)> export_views;
   std::int64_t dataset_points = 1'000'000;  ///< maximum number of points of a dataset, by thinning
+  DatasetDepth dataset_depth;
 };
 
 /// Writes points [first, last) to `to`. May be called by several threads at once.
@@ -108,6 +119,8 @@ class PMSP_API CloudWriter {
   virtual void set_window(std::int64_t keyframe_id, const std::vector<std::int64_t>& window_ids);
   /// Throws OutputError (disk full; a position that the format cannot hold).
   virtual void add(const OutputPoint* points, std::size_t count) = 0;
+  /// Adds the depth map of a keyframe; only datasets use it, see CloudHeader::dataset_depth. Throws OutputError.
+  virtual void add_depth(const DepthMap& map);
   /// Adds `count` points computed by `producer`, with several threads. Returns false, without effect, if unsupported.
   virtual bool add_parallel(std::size_t count, const PointProducer& producer);
   virtual void finish() = 0;  ///< completes the target; throws OutputError
@@ -197,6 +210,9 @@ class PMSP_API CloudOutput {
   /// Adds points of another frame.
   void add(const OutputPoint* points, std::size_t count, const Similarity& file_from_points);
   std::int64_t points_in() const;  ///< number of added points
+
+  /// Adds the depth map of a keyframe to datasets, see CloudHeader::dataset_depth.
+  void add_depth(const DepthMap& map);
 
   void complete();              ///< writes the points that remain after thinning; after the last `add`
   std::int64_t points() const;  ///< number of written points; with thinning after `complete`

@@ -37,6 +37,9 @@ struct ImageChannel {
 /// Writes an uncompressed OpenEXR with float32 channels, rows from top to bottom.
 PMSP_API void write_exr(const std::filesystem::path& path, std::vector<ImageChannel> channels);
 
+/// Writes depth, normals and confidence as channels Z, N.X, N.Y, N.Z and confidence.
+PMSP_API void write_exr(const std::filesystem::path& path, const DepthMap& map);
+
 /// Reads the existing ones of `names`, half or float, from an OpenEXR of scan lines, uncompressed or ZIP. Throws
 /// IoError, InvalidInput.
 PMSP_API std::vector<ImageChannel> read_exr(const std::filesystem::path& path, const std::vector<std::string>& names);

@@ -84,9 +84,8 @@ KnownLength length_from(const std::vector<std::string>& words) {
 void check_frame(const ConvertArguments& a) {
   check_cloud_arguments(a.cloud);
   for (const CloudOutput::Target& target : a.cloud.targets()) {
-    const std::string name = target.format->name;
-    if (name != "colmap" && name != "nerfstudio") continue;
-    throw UsageError("--output " + target.path.string() + ": " + name +
+    if (!is_dataset(*target.format)) continue;
+    throw UsageError("--output " + target.path.string() + ": " + target.format->name +
                      " is a dataset of images, which a cloud does not contain; write it with `run -o`");
   }
   if (a.cloud.frame.align == kAlignExif) {
@@ -142,8 +141,8 @@ std::optional<ConvertArguments> parse_convert_arguments(int argc, const char* co
   app.remove_option(app.get_option("--dataset-points"));
   app.get_option("--output")
       ->description(
-          "Result; may be given several times. The format follows from the extension: .ply, .las or .potree, a "
-          "folder");
+          "Result; may be given several times. The format follows from the extension: .ply, .splat.ply, .las or "
+          ".potree, a directory");
   if (!parse_words(app, {argv + 2, argv + argc})) return std::nullopt;
   refuse_extra_words(app);
   if (a.from.empty() || a.cloud.paths.empty()) {
@@ -167,6 +166,7 @@ class Conversion {
         cloud_(open_cloud(arguments.from)),
         workspace_(dynamic_cast<const WorkspaceCloud*>(cloud_.get())) {
     const CloudInfo& info = cloud_->info();
+    check_normals();
     find_frame();
     const Similarity file_from_map = frame_.file_from_map * info.file_from_map.value_or(Similarity{});
     say_input();
@@ -216,6 +216,17 @@ class Conversion {
   }
 
  private:
+  void check_normals() const {
+    if (cloud_->info().has_normals) return;
+    for (const CloudOutput::Target& target : arguments_.cloud.targets()) {
+      if (target.format->name != std::string("splat")) continue;
+      throw InvalidInput(arguments_.from.string() + ": contains no normals, along which the splats of " +
+                         target.path.string() +
+                         " are thin; add normals, as with CloudCompare, or convert the cloud "
+                         "of a run");
+    }
+  }
+
   /// Keyframes in the frame of the input cloud.
   SlamMap cameras() const {
     SlamMap map;

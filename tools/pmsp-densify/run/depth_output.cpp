@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "depth_output.h"
 
-#include <utility>
-#include <vector>
-
 #include "arguments.h"
 #include "export/files.h"
 #include "pmsp/io/depth.h"
@@ -25,17 +22,6 @@ nlohmann::ordered_json pose_json(const RigidTransform& pose) {
     rows.push_back({pose.rotation(r, 0), pose.rotation(r, 1), pose.rotation(r, 2), pose.translation(r)});
   }
   return rows;
-}
-
-std::vector<ImageChannel> exr_channels(const DepthMap& map) {
-  std::vector<ImageChannel> channels{{"Z", map.depth}, {"confidence", map.confidence}};
-  const char* const kNames[] = {"N.X", "N.Y", "N.Z"};
-  for (int i = 0; i < 3; ++i) {
-    Image<float> values(map.normal.width(), map.normal.height());
-    for (std::size_t k = 0; k < values.size(); ++k) values.pixels()[k] = map.normal.pixels()[k][i];
-    channels.push_back({kNames[i], std::move(values)});
-  }
-  return channels;
 }
 
 }  // namespace
@@ -97,7 +83,7 @@ void DepthMapFolder::write(const DepthMap& map) {
     write_png16(file("normal_png", "normal_", ".png"), map.normal);
     write_png16(file("confidence_png", "confidence_", ".png"), map.confidence, 65535.0);
   }
-  if (formats_.exr) write_exr(file("exr", "depth_", ".exr"), exr_channels(map));
+  if (formats_.exr) write_exr(file("exr", "depth_", ".exr"), map);
   index_["maps"].push_back(entry);
 }
 

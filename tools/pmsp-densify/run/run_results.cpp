@@ -41,9 +41,11 @@ PlannedCallbacks RunResults::callbacks() {
       raw_->write(map);
     };
   }
-  if (filtered_ || preview_ || page_) {
-    callbacks.filtered_depth = [this](const DepthMap& map) {
+  const bool has_dataset_depth = arguments_.cloud.wants_depth();
+  if (filtered_ || preview_ || page_ || has_dataset_depth) {
+    callbacks.filtered_depth = [this, has_dataset_depth](const DepthMap& map) {
       const ScopedTimer spent(time_, Activity::kDepthMaps);
+      if (has_dataset_depth) output_->add_depth(map);
       if (filtered_) filtered_->write(map);
       const ScopedTimer drawing(time_, Activity::kPreview);
       if (preview_) preview_->add_depth(map);

@@ -119,7 +119,8 @@ WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& a
   inputs_.options = options;
   inputs_.mask = masks_text(arguments, workspace_);
   inputs_.growing = growing;
-  const bool has_pages = !arguments.depth_maps.empty() || !arguments.preview.empty() || !arguments.report.path.empty();
+  const bool has_pages = !arguments.depth_maps.empty() || !arguments.preview.empty() ||
+                         !arguments.report.path.empty() || arguments.cloud.wants_depth();
   inputs_.recompute_points = has_pages && arguments.verb != Verb::kMerge;  // merge computes nothing
 }
 
