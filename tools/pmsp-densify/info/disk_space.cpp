@@ -16,8 +16,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Per point in a file, in datasets with its track; for COLMAP and Potree the peak while writing.
-double bytes_of_point(const std::string& format) {
+/// Per point in a file, in datasets with its track; for COLMAP, Potree and maps the peak while writing.
+double bytes_of_point(const CloudFormat& about) {
+  constexpr double kMapRays = 16.0;
+  if (about.is_map) return kMapRays;
+  const std::string format = about.name;
   constexpr double kLas = 53.0, kPotree = 35.0 + 36.0, kDataset = 160.0;
   return format == "ply" ? kPlyBytes : format == "las" ? kLas : format == "potree" ? kPotree : kDataset;
 }
@@ -64,7 +67,7 @@ std::vector<DiskNeed> disk_needs(const Arguments& arguments, const Budget& budge
     const bool is_dataset = format == "colmap" || format == "nerfstudio";
     const double most = is_dataset ? static_cast<double>(arguments.cloud.dataset_points) : points;
     needs.push_back(
-        {target.path, is_dataset ? bytes_of(images) : 0.0, bytes_of_point(format) * std::min(points, most)});
+        {target.path, is_dataset ? bytes_of(images) : 0.0, bytes_of_point(*target.format) * std::min(points, most)});
   }
   for (const fs::path& folder : {arguments.depth_maps, arguments.raw_depth_maps}) {
     if (!folder.empty()) needs.push_back({folder, bytes_of_pixel(arguments.depth_formats) * pixels, 0.0});
