@@ -20,6 +20,7 @@ constexpr int kWidestGap = 3;             ///< of the floor, that is bridged [co
 constexpr std::int64_t kLeastLevel = 64;  ///< area of the floor's level [columns]
 constexpr double kLeastShare = 0.1;       ///< of all upward surfaces below the cameras
 constexpr std::size_t kMostColumns = std::size_t{1} << 27;
+constexpr int kHoleDepth = 2;      ///< below a step, that is seen [cells]
 constexpr int kWidestWindow = 12;  ///< half of that of the slope [columns]
 constexpr std::array<std::array<int, 2>, 4> kBeside{{{1, 0}, {0, 1}, {-1, 0}, {0, -1}}};
 
@@ -154,13 +155,14 @@ Space FloorGrid::space(int x, int y, int z) const {
 
 /// Floor of a column beside one whose floor is at layer `z`.
 FloorGrid::Floor FloorGrid::look(int x, int y, int z) const {
-  bool is_seen_through = false;
   for (int at = z + step_cells_; at >= z - step_cells_; --at) {
-    const Space it = space(x, y, at);
-    if (has_points(it)) return {Floor::kReached, at};
-    is_seen_through = is_seen_through || (it == Space::kFree && at <= z);
+    if (has_points(space(x, y, at))) return {Floor::kReached, at};
   }
-  return {is_seen_through ? Floor::kHole : Floor::kGap, z};
+  // Within a step below, rays to the noisy floor beside are no evidence.
+  for (int at = z - step_cells_ - 1; at >= z - step_cells_ - kHoleDepth; --at) {
+    if (space(x, y, at) != Space::kUnknown) return {Floor::kHole, z};
+  }
+  return {Floor::kGap, z};
 }
 
 bool FloorGrid::is_passable(int x, int y, int floor) const {
@@ -221,12 +223,27 @@ float FloorGrid::slope_at(int x0, int y0) const {
   return static_cast<float>(std::atan(std::hypot(a, b)) / kernels::kDegree);
 }
 
+/// Whether the floor changes by more than a step, and a cell of rounding, where the steepest slope changes by a step:
+/// noise turns high steps into several of one cell.
+bool FloorGrid::is_high_step(int x0, int y0) const {
+  const int reach = std::clamp(window_ * 4 / 3, 1, kWidestWindow);
+  for (int dy = -reach; dy <= reach; ++dy) {
+    for (int dx = -reach; dx <= reach; ++dx) {
+      if (dx * dx + dy * dy > reach * reach || !is_inside(x0 + dx, y0 + dy)) continue;
+      const std::size_t at = place(x0 + dx, y0 + dy);
+      if (columns_[at] == kFree && std::abs(floor_[at] - floor_[place(x0, y0)]) > step_cells_ + 1) return true;
+    }
+  }
+  return false;
+}
+
 /// Steep columns are occupied, what was reached across them only is unknown.
 void FloorGrid::remove_steep(const std::vector<std::uint32_t>& from) {
   std::vector<std::uint32_t> steep;
   for (int y = 0; y < height_; ++y) {
     for (int x = 0; x < width_; ++x) {
-      if (columns_[place(x, y)] != kFree || !(slope_at(x, y) > robot_.slope_deg)) continue;
+      if (columns_[place(x, y)] != kFree) continue;
+      if (!(slope_at(x, y) > robot_.slope_deg) && !is_high_step(x, y)) continue;
       steep.push_back(static_cast<std::uint32_t>(place(x, y)));
     }
   }

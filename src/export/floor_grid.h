@@ -67,6 +67,7 @@ class PMSP_API FloorGrid {
   void reach(int x, int y, int z, std::deque<std::uint32_t>& open);
   void flood(const std::vector<std::uint32_t>& from);
   float slope_at(int x0, int y0) const;
+  bool is_high_step(int x0, int y0) const;
   void remove_steep(const std::vector<std::uint32_t>& from);
   void mark_obstacles();
   void trim();

@@ -43,16 +43,20 @@ std::vector<unsigned char> encoded(const std::filesystem::path& path, const char
 }
 
 std::string yaml_of(const std::filesystem::path& path, const CloudHeader& header, const FloorGrid& grid) {
-  const bool is_metric = header.unit.kind == CloudUnit::Kind::kMetres;
   std::string name;  // in double quotes
   for (const char c : path.filename().string()) name += c == '"' || c == '\\' ? std::string{'\\', c} : std::string{c};
-  return "# " + header.generator + "; lengths in " + (is_metric ? "metres" : "map units, not metres") + "\n" +
-         "image: \"" + name + "\"\n" + "mode: trinary\n" + "resolution: " + number_text(grid.cell(), "%.9g") + "\n" +
-         "origin: [" + number_text(grid.low_x(), "%.9g") + ", " + number_text(grid.low_y(), "%.9g") + ", 0]\n" +
-         "negate: 0\n" + "occupied_thresh: 0.65\n" + "free_thresh: 0.196\n";  // 205 lies between: unknown
+  return "# " + origin_of_map(header) + "\n" + "image: \"" + name + "\"\n" + "mode: trinary\n" +
+         "resolution: " + number_text(grid.cell(), "%.9g") + "\n" + "origin: [" + number_text(grid.low_x(), "%.9g") +
+         ", " + number_text(grid.low_y(), "%.9g") + ", 0]\n" + "negate: 0\n" + "occupied_thresh: 0.65\n" +
+         "free_thresh: 0.196\n";  // 205 lies between: unknown
 }
 
 }  // namespace
+
+std::string origin_of_map(const CloudHeader& header) {
+  const bool is_metric = header.unit.kind == CloudUnit::Kind::kMetres;
+  return header.generator + "; lengths in " + (is_metric ? "metres" : "map units, not metres");
+}
 
 std::vector<std::filesystem::path> files_beside_grid(const std::filesystem::path& path) {
   return {with_ending(path, ".yaml"), with_ending(path, ".elevation.tif"), with_ending(path, ".slope.tif")};

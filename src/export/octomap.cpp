@@ -179,14 +179,24 @@ void require_octomap_range(const VoxelMap& map, const CellIndex& cell) {
                      number_text(map.cell()) + "; move the origin with --transform, or give a larger --cell-size");
 }
 
-void write_octomap(const std::filesystem::path& path, const VoxelMap& map, bool binary) {
+void write_octomap(const std::filesystem::path& path, const VoxelMap& map, bool binary,
+                   const std::vector<std::string>& comments) {
   OctomapBuilder builder(map, binary);
   AtomicFile file(path);
   AtomicStream buffer(file);
   std::ostream stream(&buffer);
   stream.exceptions(std::ios::badbit);  // passes the exceptions of the file on
-  const bool is_written = binary ? builder.tree().writeBinaryConst(stream) : builder.tree().write(stream);
-  if (!is_written) throw OutputError(path.string() + ": the OctoMap could not be written; is the disk full?");
+  // The header by hand: OctoMap's own functions print to stderr, and leave no room for comments.
+  octomap::OcTree& tree = builder.tree();
+  stream << (binary ? "# Octomap OcTree binary file\n" : "# Octomap OcTree file\n");
+  for (const std::string& comment : comments) stream << "# " << comment << '\n';
+  stream << "id " << tree.getTreeType() << "\nsize " << tree.size() << "\nres " << number_text(map.cell(), "%.17g")
+         << "\ndata\n";
+  if (binary) {
+    tree.writeBinaryData(stream);
+  } else {
+    tree.writeData(stream);
+  }
   file.commit();
 }
 

@@ -94,7 +94,7 @@ class RobotMap final : public CloudWriter {
         const FloorRobot robot{header_.robot_height, header_.robot_step, header_.robot_slope_deg};
         write_grid(target.path, header_, FloorGrid(map_, cameras_, robot));
       } else {
-        write_octomap(target.path, map_, name == "bt");
+        write_octomap(target.path, map_, name == "bt", {origin_of_map(header_)});
       }
     }
   }
@@ -201,7 +201,7 @@ std::unique_ptr<CloudWriter> open_pgm(const std::filesystem::path& path, const C
 
 double default_cell_size(std::vector<double> ranges, int width) {
   if (ranges.empty() || width <= 0) return 0.0;
-  const double least = 2.0 * (2.0 * kernels::kPi / width) * median(ranges);
+  const double least = 1.5 * (2.0 * kernels::kPi / width) * median(ranges);
   if (!(least > 0.0)) return 0.0;
   const double power = std::pow(10.0, std::floor(std::log10(least)));
   for (const double digit : {1.0, 2.0, 5.0}) {

@@ -28,8 +28,8 @@ PMSP_API std::unique_ptr<CloudWriter> open_robot_map(const std::vector<CloudOutp
 /// Files that the format ".pgm" writes besides: YAML, and elevation and slope as TIFF.
 PMSP_API std::vector<std::filesystem::path> files_beside_grid(const std::filesystem::path& path);
 
-/// Returns a size of cells for the points of a mission: at least twice the spacing of adjacent pixels at the median
-/// distance of `ranges`, as 1, 2 or 5 times a power of ten. 0 without ranges. `width`: of the depth maps [px].
+/// Returns a size of cells for the points of a mission: at least 1.5 times the spacing of adjacent pixels at the
+/// median distance of `ranges`, as 1, 2 or 5 times a power of ten. 0 without ranges. `width`: of the depth maps [px].
 PMSP_API double default_cell_size(std::vector<double> ranges, int width);
 
 /// Distances of the observed landmarks from the keyframes [map units].

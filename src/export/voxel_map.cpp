@@ -12,7 +12,7 @@ namespace {
 /// Distance from the camera within which points do not end rays: noise of the rig [cells].
 constexpr double kAroundCamera = 2.0;
 /// Distance before the end of a ray from which on cells are not free [cells].
-constexpr double kBeforeEnd = 1.0;
+constexpr double kBeforeEnd = 2.0;
 
 }  // namespace
 

@@ -89,7 +89,7 @@ class PMSP_API VoxelMap {
 
   /// Throws InvalidInput if the memory is exhausted.
   void add_point(const CellIndex& cell, float confidence);
-  /// Marks the cells of the ray from `camera` to an occupied cell, except the last one before it. To be called after
+  /// Marks the cells of the ray from `camera` to an occupied cell, except the last two before it. To be called after
   /// the last point. Traversal: Amanatides, Woo 1987. Throws InvalidInput if the memory is exhausted.
   void add_ray(const Eigen::Vector3d& camera, const CellIndex& end);
 

@@ -154,7 +154,7 @@ void add_map(CLI::App& app, MapArguments& a) {
   };
   add_length(
       "--cell-size", a.cell_size,
-      "Side of the cells [unit of the cloud; default: 1, 2 or 5 times a power of ten, at least twice the spacing "
+      "Side of the cells [unit of the cloud; default: 1, 2 or 5 times a power of ten, at least 1.5 times the spacing "
       "of adjacent pixels at the median distance of the landmarks]");
   app.add_option_function<std::string>(
          "--least-rays",
