@@ -193,6 +193,6 @@ TEST_CASE("maps that exceed memory or range are refused with a remedy", "[robot]
 TEST_CASE("cells are sized by the spacing of pixels at the median distance", "[robot]") {
   CHECK(default_cell_size({5.0, 5.0, 5.0}, 1440) == 0.05);
   CHECK(default_cell_size({5.0, 5.0, 1000.0}, 640) == Approx(0.1));  // not the mean
-  CHECK(default_cell_size({0.01, 5.0, 5.0}, 5760) == Approx(0.02));
+  CHECK(default_cell_size({0.01, 5.0, 5.0}, 2880) == Approx(0.02));
   CHECK(default_cell_size({}, 1440) == 0.0);
 }
