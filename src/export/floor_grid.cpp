@@ -223,15 +223,15 @@ float FloorGrid::slope_at(int x0, int y0) const {
   return static_cast<float>(std::atan(std::hypot(a, b)) / kernels::kDegree);
 }
 
-/// Whether the floor changes by more than a step, and a cell of rounding, where the steepest slope changes by a step:
-/// noise turns high steps into several of one cell.
+/// Whether the floor rises by more than a step, and a cell of rounding, to this column from one at a distance where the
+/// steepest slope rises by a step: noise turns high steps into several of one cell.
 bool FloorGrid::is_high_step(int x0, int y0) const {
   const int reach = std::clamp(window_ * 4 / 3, 1, kWidestWindow);
   for (int dy = -reach; dy <= reach; ++dy) {
     for (int dx = -reach; dx <= reach; ++dx) {
       if (dx * dx + dy * dy > reach * reach || !is_inside(x0 + dx, y0 + dy)) continue;
       const std::size_t at = place(x0 + dx, y0 + dy);
-      if (columns_[at] == kFree && std::abs(floor_[at] - floor_[place(x0, y0)]) > step_cells_ + 1) return true;
+      if (columns_[at] == kFree && floor_[place(x0, y0)] - floor_[at] > step_cells_ + 1) return true;
     }
   }
   return false;

@@ -75,7 +75,7 @@ class PMSP_API VoxelMap {
  public:
   struct Options {
     double cell = 0.0;       ///< side of a cell, > 0 [unit of the file]
-    int least_rays = 2;      ///< least number of rays that make a cell free, 1 to 255
+    int least_rays = 3;      ///< least number of rays that make a cell free, 1 to 255
     std::optional<Box> box;  ///< bounds of the map
     std::size_t most_bytes = std::size_t{2} << 30;
   };

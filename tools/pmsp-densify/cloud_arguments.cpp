@@ -162,7 +162,7 @@ void add_map(CLI::App& app, MapArguments& a) {
            a.least_rays = number_in("--least-rays", text, 1, 255, "a whole number of rays, 1 to 255");
          },
          "Least number of rays, from a keyframe to a cell with points that it sees, that make a cell free [1 to 255; "
-         "default 2]")
+         "default 3]")
       ->type_name("N")
       ->group(kMap);
   add_length("--robot-height", a.robot_height,

@@ -98,7 +98,7 @@ struct CloudHeader {
   // For maps of free and occupied space (CloudFormat::is_map); lengths in the unit of the file:
   std::map<std::int64_t, RigidTransform> cameras;  ///< file from camera, by keyframe id
   double cell_size = 0.0;                          ///< side of the cells, > 0
-  int least_rays = 2;                              ///< rays that make a cell free, at least, 1 to 255
+  int least_rays = 3;                              ///< rays that make a cell free, at least, 1 to 255
   double robot_height = 1.0;                       ///< free height above the floor, > 0
   double robot_step = 0.1;                         ///< highest step of the floor, > 0
   double robot_slope_deg = 20.0;                   ///< steepest slope of the floor [deg], 1 to 60
