@@ -34,7 +34,7 @@ FloorGrid::FloorGrid(const VoxelMap& map, const std::vector<Eigen::Vector3d>& ca
     : map_(map), robot_(robot) {
   check_option("robot_slope_deg", robot.slope_deg, 1.0, 60.0);
   const double cell = map.cell();
-  robot_cells_ = cells_in(robot.height, cell);
+  robot_cells_ = cells_in(robot.height, cell) + 1;  // a cell of rounding
   step_cells_ = std::max(1, static_cast<int>(std::floor(robot.step / cell + 1e-6)));
   // A step that is allowed must not count as a slope: a plane fitted to it across 2 w columns rises by 1.5 steps.
   const double half = 0.75 * robot.step / std::tan(robot.slope_deg * kernels::kDegree);
