@@ -156,7 +156,8 @@ int in_child(const WriteArguments& arguments, const CloudFormat& format, const f
 
 void check(const WriteArguments& arguments) {
   for (const std::string& name : arguments.formats) {
-    if (find_cloud_format(name) == nullptr) throw tool::UsageError("--formats: there is no format " + name);
+    const CloudFormat* const format = find_cloud_format(name);
+    if (format == nullptr || format->is_map) throw tool::UsageError("--formats: there is no cloud format " + name);
   }
   if (arguments.points < 1) throw tool::UsageError("--points must be at least 1");
   if (arguments.cores < 1 || arguments.cores > usable_cpus()) {
@@ -168,11 +169,13 @@ void check(const WriteArguments& arguments) {
 
 int write_bench(int argc, char** argv) {
   WriteArguments arguments;
-  for (const CloudFormat& format : cloud_formats()) arguments.formats.emplace_back(format.name);
+  for (const CloudFormat& format : cloud_formats()) {
+    if (!format.is_map) arguments.formats.emplace_back(format.name);
+  }
   CLI::App app("Times of the cloud's writers, from points in memory to files on the disk, on one core.\n",
                "pmsp-bench write");
   app.add_option("--points", arguments.points, "How many [default 100000000]")->type_name("N");
-  app.add_option("--formats", arguments.formats, "Which [default all]")->type_name("NAMES")->delimiter(',');
+  app.add_option("--formats", arguments.formats, "Which [default all of clouds]")->type_name("NAMES")->delimiter(',');
   app.add_option("--folder", arguments.folder, "Existing folder to write to [default .]")->type_name("DIR");
   app.add_option("--cores", arguments.cores, "Cores to run on [default 1]")->type_name("N");
   app.add_option("--voxel", arguments.amount.thinning.voxel, "Thin the points, as pmsp-densify --voxel")

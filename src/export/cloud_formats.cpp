@@ -11,9 +11,13 @@ std::unique_ptr<CloudWriter> open_las(const std::filesystem::path& path, const C
 std::unique_ptr<CloudWriter> open_colmap(const std::filesystem::path& path, const CloudHeader& header);
 std::unique_ptr<CloudWriter> open_nerfstudio(const std::filesystem::path& path, const CloudHeader& header);
 std::unique_ptr<CloudWriter> open_potree(const std::filesystem::path& path, const CloudHeader& header);
+std::unique_ptr<CloudWriter> open_bt(const std::filesystem::path& path, const CloudHeader& header);
+std::unique_ptr<CloudWriter> open_ot(const std::filesystem::path& path, const CloudHeader& header);
+std::unique_ptr<CloudWriter> open_pgm(const std::filesystem::path& path, const CloudHeader& header);
 bool is_colmap_name(const std::string& name);
 bool is_nerfstudio_name(const std::string& name);
 bool is_potree_name(const std::string& name);
+std::vector<std::filesystem::path> files_beside_grid(const std::filesystem::path& path);
 
 const std::vector<CloudFormat>& cloud_formats() {
   static const std::vector<CloudFormat> kFormats{
@@ -24,6 +28,10 @@ const std::vector<CloudFormat>& cloud_formats() {
       {"nerfstudio", ".nerfstudio", "images, transforms.json and points for trainers", is_nerfstudio_name,
        open_nerfstudio},
       {"potree", ".potree", "Potree 2 octree, for viewers in a browser", is_potree_name, open_potree},
+      {"bt", ".bt", "OctoMap of occupied and free cells, for robots", nullptr, open_bt, true},
+      {"ot", ".ot", "OctoMap with the occupancy of each cell", nullptr, open_ot, true},
+      {"pgm", ".pgm", "occupancy grid of the floor for Nav2, with YAML, and elevation and slope as TIFF", nullptr,
+       open_pgm, true, files_beside_grid},
   };
   return kFormats;
 }

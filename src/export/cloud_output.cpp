@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "export/placed_points.h"
+#include "export/robot_map.h"
 #include "export/thinning.h"
 #include "pmsp/error.h"
 #include "pmsp/io/map.h"
@@ -20,6 +21,7 @@ CloudHeader cloud_header_of(const SlamMap& map, const Similarity& file_from_map,
     const Eigen::Vector3d center = keyframe.cam_from_world.center();
     low = low.cwiseMin(center);
     high = high.cwiseMax(center);
+    header.cameras[keyframe.id] = file_from_map * keyframe.cam_from_world.inverse();
   }
   const double reach = 0.5 * (high - low).norm() + farthest_landmarks(map) * range_margin;
   header.center = file_from_map * (0.5 * (low + high));
@@ -30,7 +32,16 @@ CloudHeader cloud_header_of(const SlamMap& map, const Similarity& file_from_map,
 struct CloudOutput::Impl {
   Impl(const CloudHeader& header, const CloudSelection& amount, const std::vector<Target>& to)
       : file_from_map(header.file_from_map), crop(amount.crop), targets(to), threads(header.threads) {
-    for (const Target& target : targets) writers.push_back(target.format->open(target.path, header));
+    std::vector<Target> maps;
+    for (const Target& target : targets) {
+      if (target.format->is_map) {
+        maps.push_back(target);
+      } else {
+        clouds.push_back(target);
+        writers.push_back(target.format->open(target.path, header));
+      }
+    }
+    if (!maps.empty()) map = open_robot_map(maps, header, amount.crop);
     if (amount.thinning.is_needed()) thinning = std::make_unique<Thinning>(amount.thinning, header.scratch.string());
   }
 
@@ -53,6 +64,12 @@ struct CloudOutput::Impl {
     return *pool;
   }
 
+  void each_piece(std::size_t count, const PointProducer& place,
+                  const std::function<void(const OutputPoint* points, std::size_t count)>& take) {
+    if (!placed) placed.emplace(own_pool());
+    placed->for_each_piece(count, place, take);
+  }
+
   void write(const std::vector<CloudWriter*>& to, const OutputPoint* points, std::size_t count) {
     for (CloudWriter* writer : to) writer->add(points, count);
     written += static_cast<std::int64_t>(count);
@@ -61,7 +78,9 @@ struct CloudOutput::Impl {
   Similarity file_from_map;
   std::optional<Box> crop;
   std::vector<Target> targets;
+  std::vector<Target> clouds;  ///< targets of `writers`
   std::vector<std::unique_ptr<CloudWriter>> writers;
+  std::unique_ptr<CloudWriter> map;  ///< of all other targets; nullptr = none
   std::vector<CloudWriter*> others;
   std::unique_ptr<Thinning> thinning;  ///< nullptr = none
   int threads;
@@ -105,6 +124,15 @@ void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
   for (const auto& writer : impl.writers) writer->set_window(cloud.keyframe_id, cloud.window_ids);
   impl.added += static_cast<std::int64_t>(cloud.points.size());
   const PointTransform points(cloud, pose, impl.file_from_map);
+  if (impl.map) {
+    impl.map->set_window(cloud.keyframe_id, cloud.window_ids);
+    impl.each_piece(
+        points.size(),
+        [&](std::size_t first, std::size_t last, OutputPoint* to) {
+          for (std::size_t i = first; i < last; ++i) points.place(i, *to++);
+        },
+        [&](const OutputPoint* some, std::size_t count) { impl.map->add(some, count); });
+  }
   std::vector<std::uint32_t> inside;
   if (impl.crop) inside = points_in_box(points, *impl.crop, impl.own_pool());
   const std::size_t size = impl.crop ? inside.size() : points.size();
@@ -120,8 +148,7 @@ void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
       return;
     }
   }
-  if (!impl.placed) impl.placed.emplace(impl.own_pool());
-  impl.placed->for_each_piece(size, place, [&](const OutputPoint* some, std::size_t count) {
+  impl.each_piece(size, place, [&](const OutputPoint* some, std::size_t count) {
     if (impl.thinning) {
       impl.thinning->add(some, count);
     } else {
@@ -133,6 +160,7 @@ void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
 void CloudOutput::add(const OutputPoint* points, std::size_t count, const Similarity& file_from_points) {
   Impl& impl = *impl_;
   impl.require_open();
+  if (impl.map) throw InvalidInput("a map needs the keyframes that see its points, which these points do not have");
   const bool moves = !file_from_points.is_identity();
   const Eigen::Matrix3f rotation = file_from_points.rotation.cast<float>();
   impl.added += static_cast<std::int64_t>(count);
@@ -172,10 +200,11 @@ void CloudOutput::commit() {
   complete();
   for (const bool folders : {true, false}) {  // folders first: most of their writing, which may fail, is still pending
     for (std::size_t i = 0; i < impl_->writers.size(); ++i) {
-      if (impl_->targets[i].format->is_folder() == folders) impl_->writers[i]->finish();
+      if (impl_->clouds[i].format->is_folder() == folders) impl_->writers[i]->finish();
     }
   }
   impl_->committed = true;
+  if (impl_->map) impl_->map->finish();
 }
 
 }  // namespace pmsp

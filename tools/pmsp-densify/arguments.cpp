@@ -543,6 +543,7 @@ std::optional<Arguments> parse_arguments(int argc, const char* const* argv) {
     throw UsageError("--presentation-times and --fps exclude each other: timestamps are times, or counts of frames");
   }
   if (a.verb == Verb::kInfo && a.map.empty()) throw UsageError("MAP is missing: pmsp-densify info MAP");
+  if (a.cloud.has_map() && a.verb != Verb::kConfig) check_map_units(a.cloud, unit_of_frame(a.cloud.frame));
   if (a.verb == Verb::kRun || a.verb == Verb::kInfo) check_run(a);
   if (a.verb == Verb::kFuse) check_fuse(a);
   check_report(a.report);

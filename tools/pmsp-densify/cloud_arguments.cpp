@@ -5,6 +5,7 @@
 #include <array>
 #include <cctype>
 #include <cstdint>
+#include <utility>
 
 #include <CLI/CLI.hpp>
 
@@ -12,6 +13,7 @@
 #include "depth_output.h"
 #include "exit_code.h"
 #include "export/files.h"
+#include "export/robot_map.h"
 #include "numbers.h"
 #include "options.h"
 #include "pmsp/io/cloud.h"
@@ -21,6 +23,7 @@ namespace {
 
 const char* const kOutput = "Output";
 const char* const kFrame = "Frame and amount of the cloud";
+const char* const kMap = "Maps for robots (.bt, .ot, .pgm)";
 
 std::int64_t count_from(const char* option, const std::string& text) {
   return number_in<std::int64_t>(option, text, 1, INT64_MAX, "a whole number of points from 1");
@@ -143,7 +146,88 @@ void add_frame(CLI::App& app, CloudArguments& a) {
       ->group(kFrame);
 }
 
+void add_map(CLI::App& app, MapArguments& a) {
+  const auto add_length = [&](const char* name, std::optional<double>& value, const char* what) {
+    app.add_option_function<std::string>(
+           name, [&value, name](const std::string& text) { value = positive_from(name, text); }, what)
+        ->type_name("L")
+        ->group(kMap);
+  };
+  add_length(
+      "--cell-size", a.cell_size,
+      "Side of the cells [unit of the cloud; default: 1, 2 or 5 times a power of ten, at least 1.5 times the spacing "
+      "of adjacent pixels at the median distance of the landmarks]");
+  app.add_option_function<std::string>(
+         "--least-rays",
+         [&a](const std::string& text) {
+           a.least_rays = number_in("--least-rays", text, 1, 255, "a whole number of rays, 1 to 255");
+         },
+         "Least number of rays, from a keyframe to a cell with points that it sees, that make a cell free [1 to 255; "
+         "default 3]")
+      ->type_name("N")
+      ->group(kMap);
+  add_length("--robot-height", a.robot_height,
+             "Grid: height above the floor that must be free [unit of the cloud; default 1 m]");
+  add_length("--robot-step", a.robot_step,
+             "Grid: highest step of the floor, at least one cell [unit of the cloud; default 0.1 m]");
+  app.add_option_function<std::string>(
+         "--robot-slope",
+         [&a](const std::string& text) {
+           a.robot_slope_deg = number_in("--robot-slope", text, 1.0, 60.0, "degrees, 1 to 60");
+         },
+         "Grid: steepest slope of the floor [deg, 1 to 60; default 20]")
+      ->type_name("DEG")
+      ->group(kMap);
+  app.add_flag("--map-units", a.map_units,
+               "Accept lengths in map units if no scale is known: a robot that takes them for metres will collide")
+      ->group(kMap);
+}
+
+bool is_map(const CloudOutput::Target& target) { return target.format->is_map; }
+
+/// Rejects options that no output uses.
+void check_map_options(const CloudArguments& a) {
+  const std::vector<CloudOutput::Target> targets = a.targets();
+  const auto has = [&](const char* name) {
+    return std::any_of(targets.begin(), targets.end(),
+                       [name](const CloudOutput::Target& target) { return target.format->name == std::string(name); });
+  };
+  const MapArguments& map = a.map;
+  if (a.resolution > 0.0 && a.has_map() && !has("las") && !has("potree")) {
+    throw UsageError(
+        "--resolution is the step of coordinates in LAS and Potree, of which none is written; the side of "
+        "the cells of a map is --cell-size");
+  }
+  for (const auto& [is_given, option] : {std::pair{map.cell_size.has_value(), "--cell-size"},
+                                         {map.least_rays.has_value(), "--least-rays"},
+                                         {map.map_units, "--map-units"}}) {
+    if (!is_given || a.has_map()) continue;
+    throw UsageError(std::string(option) + " is for maps, of which none is written; expected -o with .bt, .ot or .pgm" +
+                     (option == std::string("--cell-size") ? ", or --resolution for LAS and Potree" : ""));
+  }
+  for (const auto& [is_given, option] : {std::pair{map.robot_height.has_value(), "--robot-height"},
+                                         {map.robot_step.has_value(), "--robot-step"},
+                                         {map.robot_slope_deg.has_value(), "--robot-slope"}}) {
+    if (!is_given || has("pgm")) continue;
+    throw UsageError(std::string(option) +
+                     " is for an occupancy grid, of which none is written; expected -o with .pgm");
+  }
+}
+
 }  // namespace
+
+const std::filesystem::path* CloudArguments::first_cloud() const {
+  const std::vector<CloudOutput::Target> all = targets();
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (!is_map(all[i])) return &paths[i];
+  }
+  return nullptr;
+}
+
+bool CloudArguments::has_map() const {
+  const std::vector<CloudOutput::Target> all = targets();
+  return std::any_of(all.begin(), all.end(), is_map);
+}
 
 std::vector<CloudOutput::Target> CloudArguments::targets() const {
   std::vector<CloudOutput::Target> targets;
@@ -181,6 +265,7 @@ std::string names_of_formats() {
 void add_cloud_options(CLI::App& app, CloudArguments& arguments) {
   add_files(app, arguments);
   add_frame(app, arguments);
+  add_map(app, arguments.map);
 }
 
 void check_cloud_arguments(const CloudArguments& arguments) {
@@ -207,6 +292,32 @@ void check_cloud_arguments(const CloudArguments& arguments) {
   if (!arguments.frame.align.empty() && arguments.frame.up) {
     throw UsageError("--align and --up exclude each other: --align determines the vertical axis");
   }
+  check_map_options(arguments);
+}
+
+void check_map_units(const CloudArguments& arguments, const CloudUnit& unit) {
+  if (unit.kind == CloudUnit::Kind::kMetres || !arguments.has_map()) return;
+  if (!arguments.map.map_units) {
+    throw UsageError(
+        "a map for robots is written, but no scale is known: its lengths would be no metres; give --scale (1 if MAP is "
+        "in metres), --align or, of convert, --length, or accept map units with --map-units");
+  }
+  for (const CloudOutput::Target& target : arguments.targets()) {
+    if (target.format->name != std::string("pgm") || (arguments.map.robot_height && arguments.map.robot_step)) continue;
+    throw UsageError("--map-units: the robot has no default size in map units; expected --robot-height and " +
+                     std::string("--robot-step for ") + target.path.string());
+  }
+}
+
+void set_map_options(CloudHeader& header, const MapArguments& arguments, const std::vector<double>& ranges, int width) {
+  std::vector<double> in_file = ranges;
+  for (double& range : in_file) range *= header.file_from_map.scale;
+  header.cell_size = arguments.cell_size ? *arguments.cell_size : default_cell_size(std::move(in_file), width);
+  if (arguments.least_rays) header.least_rays = *arguments.least_rays;
+  if (arguments.robot_height) header.robot_height = *arguments.robot_height;
+  if (arguments.robot_step) header.robot_step = *arguments.robot_step;
+  if (arguments.robot_slope_deg) header.robot_slope_deg = *arguments.robot_slope_deg;
+  header.map_units = arguments.map_units;
 }
 
 std::string unit_of_lengths(const std::string& given, const CloudUnit& unit) {
@@ -297,6 +408,10 @@ CloudHeader cloud_header(const Arguments& arguments, const DensifierOptions& opt
   header.dataset_depth = arguments.cloud.dataset_depth;
   header.dataset_depth.lens_distance = options.lens_distance;
   header.dataset_depth.png_scale = dataset_depth_scale(map, options.advanced.init.range_margin, frame);
+  if (arguments.cloud.has_map()) {
+    const int width = options.width > 0 ? options.width : map.cameras.empty() ? 0 : map.cameras[0].width;
+    set_map_options(header, arguments.cloud.map, landmark_ranges(map), width);
+  }
   return header;
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,14 @@ namespace pmsp::tool {
 
 struct Arguments;
 
+/// Options of maps of free and occupied space (CloudFormat::is_map); nullopt = default of CloudHeader.
+struct MapArguments {
+  std::optional<double> cell_size;  ///< nullopt = default_cell_size
+  std::optional<int> least_rays;
+  std::optional<double> robot_height, robot_step, robot_slope_deg;
+  bool map_units = false;
+};
+
 /// Cloud options of the command line.
 struct CloudArguments {
   std::vector<std::filesystem::path> paths = {"cloud.ply"};
@@ -34,7 +43,11 @@ struct CloudArguments {
   CloudSelection amount;
   std::int64_t dataset_points = 1'000'000;
   DatasetDepth dataset_depth;  ///< formats
+  MapArguments map;
 
+  /// First output that is no map; nullptr = none.
+  const std::filesystem::path* first_cloud() const;
+  bool has_map() const;
   /// Targets of CloudOutput.
   std::vector<CloudOutput::Target> targets() const;
   /// Whether an output is a dataset with depth images.
@@ -50,6 +63,12 @@ void add_cloud_options(CLI::App& app, CloudArguments& arguments);
 void check_cloud_arguments(const CloudArguments& arguments);
 
 bool is_dataset(const CloudFormat& format);
+/// Throws UsageError if a map would have lengths in map units that were not accepted or defined. `unit`: of the
+/// outputs.
+void check_map_units(const CloudArguments& arguments, const CloudUnit& unit);
+
+/// Sets the header's fields for maps. `ranges`: see default_cell_size [map units]; `width`: of the depth maps.
+void set_map_options(CloudHeader& header, const MapArguments& arguments, const std::vector<double>& ranges, int width);
 
 /// Returns "ply, las, ...".
 std::string names_of_formats();

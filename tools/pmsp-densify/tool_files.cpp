@@ -144,7 +144,10 @@ std::vector<Target> targets_of(const Arguments& arguments) {
   std::vector<Target> targets;
   for (const CloudOutput::Target& cloud : arguments.cloud.targets()) {
     const Target target{"--output", cloud.path, cloud.format->writes};
-    if (!is_of_other_verb(arguments, target)) targets.push_back(target);
+    if (is_of_other_verb(arguments, target)) continue;
+    targets.push_back(target);
+    if (cloud.format->beside == nullptr) continue;
+    for (const fs::path& path : cloud.format->beside(cloud.path)) targets.push_back({"--output", path, nullptr});
   }
   for (const Target& target : {Target{"--stats", arguments.stats, nullptr},
                                {"--depth-maps", arguments.depth_maps, is_depth_map_file},

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -105,6 +106,14 @@ struct CloudHeader {
   std::function<std::vector<OutputView>(const std::filesystem::path& folder)> export_views;
   std::int64_t dataset_points = 1'000'000;  ///< maximum number of points of a dataset, by thinning
   DatasetDepth dataset_depth;
+  // For maps of free and occupied space (CloudFormat::is_map); lengths in the unit of the file:
+  std::map<std::int64_t, RigidTransform> cameras;  ///< file from camera, by keyframe id
+  double cell_size = 0.0;                          ///< side of the cells, > 0
+  int least_rays = 3;                              ///< rays that make a cell free, at least, 1 to 255
+  double robot_height = 1.0;                       ///< free height above the floor, > 0
+  double robot_step = 0.1;                         ///< highest step of the floor, > 0
+  double robot_slope_deg = 20.0;                   ///< steepest slope of the floor [deg], 1 to 60
+  bool map_units = false;                          ///< accept lengths in map units, which no robot may take for metres
 };
 
 /// Writes points [first, last) to `to`. May be called by several threads at once.
@@ -126,7 +135,7 @@ class PMSP_API CloudWriter {
   virtual void finish() = 0;  ///< completes the target; throws OutputError
 };
 
-/// Cloud format.
+/// Format of an output: a cloud, or what is made from it.
 struct CloudFormat {
   const char* name;       ///< "las"
   const char* extension;  ///< of files or directories, ".las"
@@ -135,6 +144,12 @@ struct CloudFormat {
   bool (*writes)(const std::string& name);
   /// Throws OutputError if the target cannot be created.
   std::unique_ptr<CloudWriter> (*open)(const std::filesystem::path& path, const CloudHeader& header);
+
+  /// Map of free and occupied space: requires `cameras` and `cell_size` of the header, takes points before crop and
+  /// thinning, is bounded by the crop. `finish` throws InvalidInput if it is too large, or a grid has no floor.
+  bool is_map = false;
+  /// Returns the files that are written besides; nullptr = none.
+  std::vector<std::filesystem::path> (*beside)(const std::filesystem::path& path) = nullptr;
 
   bool is_folder() const { return writes != nullptr; }
 };
@@ -176,7 +191,7 @@ struct CloudSelection {
   ThinningOptions thinning;
 };
 
-/// Returns a header with `file_from_map`, `center` and `reach`. `range_margin`: see InitOptions.
+/// Returns a header with `file_from_map`, `center`, `reach` and `cameras`. `range_margin`: see InitOptions.
 PMSP_API CloudHeader cloud_header_of(const SlamMap& map, const Similarity& file_from_map = {},
                                      double range_margin = InitOptions().range_margin);
 
@@ -185,7 +200,8 @@ PMSP_API CloudHeader cloud_header_of(const SlamMap& map, const Similarity& file_
 PMSP_API CloudHeader cloud_header_of(const SlamMap& map, const DensifierOptions& options);
 
 /// Output of a mission's points in several formats, in bounded memory: transforms them into the frame of the files,
-/// crops and thins them. Targets are replaced by `commit`, else unchanged.
+/// crops and thins them; maps (CloudFormat::is_map) share one set of cells. Targets are replaced by `commit`, else
+/// unchanged.
 class PMSP_API CloudOutput {
  public:
   struct Target {
@@ -193,7 +209,7 @@ class PMSP_API CloudOutput {
     std::filesystem::path path;
   };
 
-  /// Throws OutputError if a target cannot be created.
+  /// Throws OutputError if a target cannot be created; InvalidInput if the header is not sufficient for a map.
   CloudOutput(const CloudHeader& header, const CloudSelection& amount, const std::vector<Target>& targets);
   /// Single file or directory with the format of its extension, see cloud_formats, or without one PLY. Throws
   /// InvalidOption if the extension is unknown; OutputError.
@@ -207,7 +223,7 @@ class PMSP_API CloudOutput {
   /// Add points, at the pose of the cloud or a newer one. Throw OutputError (disk full; after `commit`).
   void add(const KeyframeCloud& cloud);
   void add(const KeyframeCloud& cloud, const KeyframePose& pose);
-  /// Adds points of another frame.
+  /// Adds points of another frame. Throws InvalidInput if a target is a map, which needs the keyframes of the points.
   void add(const OutputPoint* points, std::size_t count, const Similarity& file_from_points);
   std::int64_t points_in() const;  ///< number of added points
 
@@ -217,7 +233,9 @@ class PMSP_API CloudOutput {
   void complete();              ///< writes the points that remain after thinning; after the last `add`
   std::int64_t points() const;  ///< number of written points; with thinning after `complete`
 
-  void commit();  ///< calls `complete`, then replaces the targets; throws OutputError
+  /// Calls `complete`, then replaces the targets, maps last. Throws OutputError; InvalidInput if maps, but only they,
+  /// cannot be made.
+  void commit();
 
  private:
   struct Impl;

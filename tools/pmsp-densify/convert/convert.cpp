@@ -142,7 +142,7 @@ std::optional<ConvertArguments> parse_convert_arguments(int argc, const char* co
   app.get_option("--output")
       ->description(
           "Result; may be given several times. The format follows from the extension: .ply, .splat.ply, .las or "
-          ".potree, a directory");
+          ".potree, a directory; from a workspace also the maps .bt, .ot and .pgm");
   if (!parse_words(app, {argv + 2, argv + argc})) return std::nullopt;
   refuse_extra_words(app);
   if (a.from.empty() || a.cloud.paths.empty()) {
@@ -181,6 +181,7 @@ class Conversion {
     header_.double_positions = arguments.cloud.double_positions || info.double_positions;
     set_labels();
     header_.scratch = scratch_folder(arguments.scratch, arguments.cloud);
+    if (arguments.cloud.has_map()) set_map();
   }
 
   void operator()() {
@@ -366,6 +367,24 @@ class Conversion {
     }
     header_.center = frame_.file_from_map * center;
     header_.reach = frame_.file_from_map.scale * (reach > 0.0 ? reach : 1.0);
+  }
+
+  /// For maps: cameras and size of cells.
+  void set_map() {
+    if (workspace_ == nullptr) {
+      throw UsageError("a map for robots needs the keyframes that see each point, which " + arguments_.from.string() +
+                       " does not contain; write it with `run`, or convert a workspace (run --workspace)");
+    }
+    check_map_units(arguments_.cloud, frame_.unit);
+    const workspace::Record& record = workspace_->record();
+    std::vector<double> ranges;
+    int width = Json::parse(record.options).value("width", 0);
+    for (const auto& [id, keyframe] : record.keyframes) {
+      header_.cameras[id] = header_.file_from_map * keyframe.pose.cam_from_world.inverse();
+      for (const workspace::RecordedRange& range : keyframe.ranges) ranges.push_back(range.range);
+      width = width > 0 ? width : keyframe.width;
+    }
+    set_map_options(header_, arguments_.cloud.map, ranges, width);
   }
 
   const ConvertArguments& arguments_;

@@ -16,9 +16,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Per point in a file, in datasets with its track; for COLMAP, Potree and splats the peak while writing.
-double bytes_of_point(const std::string& format) {
-  constexpr double kLas = 53.0, kSplat = 68.0 + 32.0, kPotree = 35.0 + 36.0, kDataset = 160.0;
+/// Per point in a file, in datasets with its track; for COLMAP, Potree, splats and maps the peak while writing.
+double bytes_of_point(const CloudFormat& about) {
+  constexpr double kLas = 53.0, kSplat = 68.0 + 32.0, kPotree = 35.0 + 36.0, kDataset = 160.0, kMapRays = 16.0;
+  if (about.is_map) return kMapRays;
+  const std::string format = about.name;
   return format == "ply"      ? kPlyBytes
          : format == "las"    ? kLas
          : format == "splat"  ? kSplat
@@ -64,13 +66,12 @@ std::vector<DiskNeed> disk_needs(const Arguments& arguments, const Budget& budge
   if (amount.crop || amount.thinning.voxel > 0.0) points = 0.0;  // unpredictable
   std::vector<DiskNeed> needs;
   for (const CloudOutput::Target& target : arguments.cloud.targets()) {
-    const std::string format = target.format->name;
     const bool has_images = is_dataset(*target.format);
     const DatasetDepth& depth = arguments.cloud.dataset_depth;
     const double of_pixel = has_images ? bytes_of_pixel({false, depth.exr, depth.png, false}) : 0.0;
     const double most = has_images ? static_cast<double>(arguments.cloud.dataset_points) : points;
     needs.push_back({target.path, (has_images ? bytes_of(images) : 0.0) + of_pixel * pixels,
-                     bytes_of_point(format) * std::min(points, most)});
+                     bytes_of_point(*target.format) * std::min(points, most)});
   }
   for (const fs::path& folder : {arguments.depth_maps, arguments.raw_depth_maps}) {
     if (!folder.empty()) needs.push_back({folder, bytes_of_pixel(arguments.depth_formats) * pixels, 0.0});

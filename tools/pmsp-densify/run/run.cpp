@@ -218,6 +218,7 @@ class Run {
       throw EmptyResult("no points: " + report_.empty_reason + "; " + arguments_.cloud.text() +
                         (report_.outputs.size() > 1 ? " were" : " was") + " not written");
     }
+    if (!results_->map_failure().empty()) throw InvalidInput(results_->map_failure());
     if (!results_->left_out().empty()) progress_.message("pictures:    " + results_->left_out());
     progress_.message("wrote " + results_->text());
     if (const std::string next = next_steps(); !next.empty()) progress_.message(next);
@@ -233,7 +234,9 @@ class Run {
 
   /// Suggested commands after a run.
   std::string next_steps() const {
-    const std::string cloud = arguments_.cloud.paths.front().string();
+    const std::filesystem::path* const first = arguments_.cloud.first_cloud();
+    if (first == nullptr) return "";
+    const std::string cloud = first->string();
     std::string text;
     if (arguments_.report.path.empty() && web::has_report_page())
       text += "\n  look:   pmsp-densify report " + cloud + " -o report.html";
@@ -259,6 +262,7 @@ class Run {
         std::make_unique<RunResults>(RunResults::Setup{arguments_, options, map_, frame_, report_.cloud,
                                                        report_.with_image, input_.threads(), live_, export_views},
                                      report_.time);
+    warn(results_->map_warning());
     if (merge_ != nullptr && results_->page() != nullptr) {
       results_->page()->say("Pictures of keyframes and coverage are not available from shards.");
     }

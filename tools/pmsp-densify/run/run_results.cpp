@@ -2,16 +2,42 @@
 #include "run_results.h"
 
 #include <future>
+#include <optional>
+#include <string>
 
 #include "cloud_arguments.h"
+#include "estimates.h"
+#include "export/robot_map.h"
+#include "pmsp/error.h"
+#include "util/text.h"
 
 namespace pmsp::tool {
+namespace {
+
+/// Throws InvalidInput if maps for robots exceed their memory even by the rays to landmarks; returns a warning if they
+/// may, by all others; "" = none.
+std::string check_map_size(const SlamMap& map, const CloudHeader& header, const std::optional<Box>& box) {
+  if (!(header.cell_size > 0.0)) return "";  // reported by the writer
+  constexpr double kLikely = 0.5;
+  const double least = least_map_bytes(map, header, box), most = kMostMapBytes;
+  const std::string text = "cells of " + number_text(header.cell_size) + " make a map for robots that needs at least " +
+                           bytes_text(least) + " of memory, ";
+  if (least > most) {
+    throw InvalidInput(text + "at most " + bytes_text(most) + " are allowed; give a larger --cell-size, or --crop");
+  }
+  if (least < kLikely * most) return "";
+  return text + "more than " + bytes_text(most) +
+         " are an error at the end of the run; give a larger --cell-size, or --crop";
+}
+
+}  // namespace
 
 RunResults::RunResults(const Setup& setup, TimeAccount& time)
     : arguments_(setup.arguments), time_(time), live_(setup.live) {
   CloudHeader header = cloud_header(arguments_, setup.options, setup.map, setup.frame);
   header.export_views = setup.export_views;
   header.threads = setup.threads;
+  if (arguments_.cloud.has_map()) map_warning_ = check_map_size(setup.map, header, arguments_.cloud.amount.crop);
   output_ = std::make_unique<CloudOutput>(header, arguments_.cloud.amount, arguments_.cloud.targets());
   const double lens_distance = setup.options.lens_distance;
   const auto open = [&](std::optional<DepthMapFolder>& folder, const std::filesystem::path& path, const char* kind) {
@@ -101,7 +127,11 @@ void RunResults::write(Progress& progress) {
   progress.stage("writing " + arguments_.cloud.text());
   {
     const ScopedTimer spent(time_, Activity::kFinish);
-    output_->commit();
+    try {
+      output_->commit();
+    } catch (const InvalidInput& error) {  // of a map; the clouds are complete
+      map_failure_ = error.what();
+    }
   }
   commit_depth_maps();
   if (!preview_) return;

@@ -69,6 +69,10 @@ class RunResults {
   void commit_depth_maps();
   /// Moves clouds and folders to their final names, and draws. Throws OutputError.
   void write(Progress& progress);
+  /// Why `write` could not make the maps for robots, with all else written; "" = it could, or none was requested.
+  const std::string& map_failure() const { return map_failure_; }
+  /// Warning if the maps for robots may become too large; "" = none.
+  const std::string& map_warning() const { return map_warning_; }
   void write_page(Progress& progress, const nlohmann::ordered_json& stats);
 
   /// Returns all outputs for people: "cloud.ply, report mission.html, pictures look".
@@ -86,7 +90,7 @@ class RunResults {
   std::optional<DepthMapFolder> raw_, filtered_;
   std::optional<Preview> preview_;
   std::optional<ReportPage> page_;
-  std::string dropped_;
+  std::string dropped_, map_failure_, map_warning_;
   double confidence_sum_ = 0.0;
   std::int64_t sampled_ = 0;
 };
