@@ -56,7 +56,9 @@ TEST_CASE("all formats have equal bytes for any threads and with a workspace and
   const Words plain = joined(all_formats(dir, "plain"), {"--threads", "1", "--stats", (dir / "s.json").string()});
   require_ok(densify(quick(plain)));
   const auto stats = nlohmann::json::parse(read_text(dir / "s.json"));
-  CHECK(stats["outputs"].size() == 5);
+  const std::vector<CloudFormat>& formats = cloud_formats();
+  const auto clouds = std::count_if(formats.begin(), formats.end(), [](const CloudFormat& it) { return !it.is_map; });
+  CHECK(stats["outputs"].size() == static_cast<std::size_t>(clouds));
   CHECK(stats["points_written"] == stats["points"]);
   CHECK(stats["points"] == read_ply(dir / "plain.ply").positions.size());
 
