@@ -230,7 +230,7 @@ double least_map_bytes(const SlamMap& map, const CloudHeader& header, const std:
     for (const Landmark& landmark : keyframe.landmarks) {
       const Eigen::Vector3d end = header.file_from_map * landmark.position_world / side;
       const bool is_near = (end - camera).norm() * VoxelBlock::kSide <= VoxelMap::kRange;
-      const bool is_inside = (camera.array().abs() < kCellLimit / VoxelBlock::kSide).all();
+      const bool is_inside = (camera.array().abs() < (kCellLimit >> VoxelBlock::kSideBits)).all();
       if (!is_near || !is_inside) continue;
       traverse(camera, end, [&](const CellIndex& block, double /*entry*/, double /*exit*/) {
         const Eigen::Vector3d center = side * Eigen::Vector3d(block[0] + 0.5, block[1] + 0.5, block[2] + 0.5);
