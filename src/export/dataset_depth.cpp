@@ -65,7 +65,7 @@ void DatasetDepthFiles::write(const std::string& stem, const DepthMap& map) cons
     write_png16(folder_ / "normals" / (stem + ".png"), map.normal);
     write_png16(folder_ / "confidences" / (stem + ".png"), map.confidence, 65535.0);
   }
-  if (options_.exr) write_exr(folder_ / "depths" / (stem + ".exr"), map);
+  if (options_.exr) write_depth_exr(folder_ / "depths" / (stem + ".exr"), map);
 }
 
 void DatasetDepthFiles::add(const DepthMap& map) {

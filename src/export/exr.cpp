@@ -83,7 +83,7 @@ void write_exr(const std::filesystem::path& path, std::vector<ImageChannel> chan
   file.commit();
 }
 
-void write_exr(const std::filesystem::path& path, const DepthMap& map) {
+void write_depth_exr(const std::filesystem::path& path, const DepthMap& map) {
   std::vector<ImageChannel> channels{{"Z", map.depth}, {"confidence", map.confidence}};
   const char* const kNames[] = {"N.X", "N.Y", "N.Z"};
   for (int i = 0; i < 3; ++i) {

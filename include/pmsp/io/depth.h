@@ -38,7 +38,7 @@ struct ImageChannel {
 PMSP_API void write_exr(const std::filesystem::path& path, std::vector<ImageChannel> channels);
 
 /// Writes depth, normals and confidence as channels Z, N.X, N.Y, N.Z and confidence.
-PMSP_API void write_exr(const std::filesystem::path& path, const DepthMap& map);
+PMSP_API void write_depth_exr(const std::filesystem::path& path, const DepthMap& map);
 
 /// Reads the existing ones of `names`, half or float, from an OpenEXR of scan lines, uncompressed or ZIP. Throws
 /// IoError, InvalidInput.

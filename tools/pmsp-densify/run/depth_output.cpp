@@ -83,7 +83,7 @@ void DepthMapFolder::write(const DepthMap& map) {
     write_png16(file("normal_png", "normal_", ".png"), map.normal);
     write_png16(file("confidence_png", "confidence_", ".png"), map.confidence, 65535.0);
   }
-  if (formats_.exr) write_exr(file("exr", "depth_", ".exr"), map);
+  if (formats_.exr) write_depth_exr(file("exr", "depth_", ".exr"), map);
   index_["maps"].push_back(entry);
 }
 
