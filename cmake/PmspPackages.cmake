@@ -73,7 +73,9 @@ renders missions with exact truth."
       "The module pmsp turns keyframes, poses and points of a visual SLAM into
 dense point clouds, depth maps and normals as NumPy arrays."
       python)
-    set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "python3, python3-numpy")
+    math(EXPR _pmsp_next_python "${PMSP_PYTHON_MINOR} + 1")   # an extension is of one version
+    set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS
+      "python3 (>= 3.${PMSP_PYTHON_MINOR}), python3 (<< 3.${_pmsp_next_python}), python3-numpy")
   endif()
 endif()
 set(CPACK_COMPONENTS_GROUPING ONE_PER_GROUP)
