@@ -15,7 +15,7 @@ namespace pmsp {
 namespace {
 
 constexpr std::size_t kNearest = 8;   ///< beside the point itself
-constexpr std::size_t kShare = 4096;  ///< points per task
+constexpr std::size_t kPointsPerTask = 4096;  ///< points per task
 
 struct PointSet {
   const std::vector<Eigen::Vector3f>& points;
@@ -36,9 +36,9 @@ using Neighbours = std::array<std::uint32_t, kNearest + 1>;
 
 template <class Body>
 void each_share(std::size_t count, ThreadPool& pool, const Body& body) {
-  pool.for_each(static_cast<int>((count + kShare - 1) / kShare), [&](int share) {
-    const std::size_t first = static_cast<std::size_t>(share) * kShare;
-    for (std::size_t i = first; i < std::min(first + kShare, count); ++i) body(i);
+  pool.for_each(static_cast<int>((count + kPointsPerTask - 1) / kPointsPerTask), [&](int share) {
+    const std::size_t first = static_cast<std::size_t>(share) * kPointsPerTask;
+    for (std::size_t i = first; i < std::min(first + kPointsPerTask, count); ++i) body(i);
   });
 }
 

@@ -26,7 +26,7 @@ constexpr float kSize = 0.8F;         ///< standard deviation along the surface,
 constexpr float kThickness = 0.1F;    ///< the same along the normal
 constexpr float kLeastOpacity = 0.05F, kMostOpacity = 0.99F;
 constexpr float kHarmonic = 0.28209479F;     ///< spherical harmonic of degree 0, 1 / (2 sqrt(pi))
-constexpr std::int64_t kInMemory = 1 << 20;  ///< points at a time
+constexpr std::int64_t kPointsAtOnce = 1 << 20;  ///< points at a time
 constexpr std::int64_t kMostSlabs = 16;
 constexpr std::size_t kBins = 4096;
 
@@ -113,7 +113,7 @@ class Splats final : public CloudWriter {
   /// its other side, which adds little to their spacing.
   void write(Spool<Surfel>& spool, std::size_t list, ThreadPool& pool) {
     const std::int64_t count = spool.size(list);
-    if (count > kInMemory && divide(spool, list, pool)) return;
+    if (count > kPointsAtOnce && divide(spool, list, pool)) return;
     std::vector<Surfel> points;
     points.reserve(static_cast<std::size_t>(count));
     spool.read(list, [&](const Surfel* some, std::size_t number) { points.insert(points.end(), some, some + number); });
@@ -150,7 +150,7 @@ class Splats final : public CloudWriter {
     spool.read(list, [&](const Surfel* some, std::size_t number) {
       for (std::size_t i = 0; i < number; ++i) ++counts[bin_of(some[i])];
     });
-    const std::int64_t total = spool.size(list), slabs = std::min(2 * total / kInMemory + 1, kMostSlabs);
+    const std::int64_t total = spool.size(list), slabs = std::min(2 * total / kPointsAtOnce + 1, kMostSlabs);
     std::vector<std::size_t> slab_of(kBins);
     std::int64_t before = 0;
     for (std::size_t bin = 0; bin < kBins; ++bin) {  // by the middle of the bin: the first and the last differ
