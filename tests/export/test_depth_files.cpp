@@ -195,7 +195,7 @@ TEST_CASE("an EXR holds its channels as float in the layout of the format") {
     CHECK(values[14] == 7.5F);
   }
   CHECK(at == bytes.size());
-  CHECK_THROWS_AS(write_exr(dir / "e.exr", {}), InvalidInput);
+  CHECK_THROWS_AS(write_exr(dir / "e.exr", std::vector<ImageChannel>{}), InvalidInput);
   CHECK_THROWS_AS(write_exr(dir / "e.exr", {{"Z", ramp(5, 3)}, {"A", ramp(4, 3)}}), InvalidInput);
   CHECK(dir.entries() == 1);
 }

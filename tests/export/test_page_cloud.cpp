@@ -15,7 +15,7 @@ using pmsp_test::TempDir;
 namespace {
 
 /// Points on the floor and a wall of a room, in the order of a grid.
-std::vector<OutputPoint> room(int along) {
+std::vector<OutputPoint> points_of_room(int along) {
   std::vector<OutputPoint> points;
   for (int i = 0; i < along; ++i) {
     for (int k = 0; k < along; ++k) {
@@ -79,7 +79,7 @@ std::vector<Read> read(const PageCloud& cloud, double& coarsest) {
 
 TEST_CASE("a page holds every point if all fit") {
   const TempDir dir;
-  const std::vector<OutputPoint> points = room(200);
+  const std::vector<OutputPoint> points = points_of_room(200);
   PageCloud cloud(header_in(dir), 100000, {30, 12});
   cloud.add(points.data(), points.size());
   cloud.finish();
@@ -108,7 +108,7 @@ TEST_CASE("a page holds every point if all fit") {
 
 TEST_CASE("a page that is too small holds the most confident points evenly spread") {
   const TempDir dir;
-  std::vector<OutputPoint> points = room(400);
+  std::vector<OutputPoint> points = points_of_room(400);
   std::vector<OutputPoint> worse = points;
   for (OutputPoint& point : points) point.confidence = 1.0F;
   for (OutputPoint& point : worse) {
@@ -146,7 +146,7 @@ TEST_CASE("a page without points or without space is empty") {
   none.finish();
   CHECK(none.nodes().empty());
   PageCloud no_room(header_in(dir), 0, {});
-  const std::vector<OutputPoint> points = room(50);
+  const std::vector<OutputPoint> points = points_of_room(50);
   no_room.add(points.data(), points.size());
   no_room.finish();
   CHECK(no_room.points() == 0);
