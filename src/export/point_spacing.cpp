@@ -14,7 +14,7 @@
 namespace pmsp {
 namespace {
 
-constexpr std::size_t kNearest = 8;   ///< beside the point itself
+constexpr std::size_t kNearest = 8;           ///< beside the point itself
 constexpr std::size_t kPointsPerTask = 4096;  ///< points per task
 
 struct PointSet {

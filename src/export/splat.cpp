@@ -25,7 +25,7 @@ constexpr std::size_t kNumbers = 17;  ///< of a splat
 constexpr float kSize = 0.8F;         ///< standard deviation along the surface, in spacings of the points
 constexpr float kThickness = 0.1F;    ///< the same along the normal
 constexpr float kLeastOpacity = 0.05F, kMostOpacity = 0.99F;
-constexpr float kHarmonic = 0.28209479F;     ///< spherical harmonic of degree 0, 1 / (2 sqrt(pi))
+constexpr float kHarmonic = 0.28209479F;         ///< spherical harmonic of degree 0, 1 / (2 sqrt(pi))
 constexpr std::int64_t kPointsAtOnce = 1 << 20;  ///< points at a time
 constexpr std::int64_t kMostSlabs = 16;
 constexpr std::size_t kBins = 4096;
