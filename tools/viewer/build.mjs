@@ -58,7 +58,7 @@ if (what === "--write" || (what === "--to" && file)) {
   console.log("the prebuilt page is what its sources give");
 } else if (what === "--tests") {
   await build({
-    entryPoints: ["geometry", "measure", "state", "data", "palette", "live", "framing", "potree", "around", "surroundings", "depths", "exports", "lengths", "snap", "seen"].map((name) => join(here, "tests", `${name}.test.ts`)),
+    entryPoints: ["geometry", "measure", "state", "data", "palette", "live", "framing", "potree", "around", "surroundings", "depths", "exports", "lengths", "snap", "seen", "pace", "detail", "storeys"].map((name) => join(here, "tests", `${name}.test.ts`)),
     bundle: true,
     platform: "node",
     format: "esm",
@@ -67,7 +67,7 @@ if (what === "--write" || (what === "--to" && file)) {
   });
 } else if (what === "--browser-test") {
   await build({
-    entryPoints: ["page", "measure", "live", "stream", "screens"].map((name) => join(here, "tests", `${name}.e2e.ts`)),
+    entryPoints: ["page", "measure", "live", "stream", "screens", "views"].map((name) => join(here, "tests", `${name}.e2e.ts`)),
     bundle: true,
     platform: "node",
     format: "esm",

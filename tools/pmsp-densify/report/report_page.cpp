@@ -403,6 +403,7 @@ Json ReportPage::page_json(const Json& stats) const {
     json["nodes"].push_back(
         {{"level", node.level}, {"corner", node.corner}, {"side", node.side}, {"points", node.points}});
   }
+  if (has_north_) json["north"] = {0.0, 1.0, 0.0};
   json["keyframes"] = keyframes_json(stats);
   json["confidences"] = cloud_.confidences();
   json["pixel"] = depth_width_ > 0 ? 2.0 * kernels::kPi / depth_width_ : 0.01;

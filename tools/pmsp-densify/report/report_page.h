@@ -69,6 +69,8 @@ class ReportPage {
   void say(const std::string& note) { notes_.push_back(note); }
   /// Points have no normals: disables back-face culling.
   void leave_out_normals() { has_normals_ = false; }
+  /// The y axis of the cloud points north: plans show it.
+  void set_north() { has_north_ = true; }
 
   /// Writes the page. `stats`: of the run, as --stats writes them. Throws OutputError.
   void write(const nlohmann::ordered_json& stats);
@@ -102,6 +104,7 @@ class ReportPage {
   bool keeps_photos_ = false;
   std::filesystem::path potree_;  ///< relative to the page's directory; empty = none
   bool has_normals_ = true;
+  bool has_north_ = false;
   int panoramas_ = 0;
   std::size_t depth_maps_ = 0;
   int depth_width_ = 0;

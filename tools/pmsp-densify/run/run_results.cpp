@@ -53,6 +53,7 @@ RunResults::RunResults(const Setup& setup, TimeAccount& time)
     page_.emplace(arguments_.report, header, setup.map, setup.keyframes);
     if (!arguments_.workspace.empty()) page_->keep_photos();
     output_->add_writer(page_->cloud());
+    if (arguments_.cloud.frame.align == kAlignExif) page_->set_north();
     for (const CloudOutput::Target& target : arguments_.cloud.targets()) {
       if (target.format->name == std::string("potree")) page_->set_potree(target.path);
     }

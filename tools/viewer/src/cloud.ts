@@ -16,13 +16,18 @@ import {
   Vector2,
   Vector3,
 } from "three";
+import type { Cut } from "./cuts";
 import type { NodeData, NodePoints } from "./data";
+import { Detail, type DetailNode } from "./detail";
 import { busyBox } from "./framing";
 import { type Vec3, dot, normalFrom } from "./geometry";
 import { type PaletteName, paletteBytes } from "./palette";
 import { fragmentShader, vertexShader } from "./shaders";
 import { isPerspective, Sight } from "./sight";
 import { type Coloring, colorings } from "./state";
+
+/** Diameter of points as drawn, in spacings. */
+const kOverlap = 1.6;
 
 export interface Cube {
   /** Of the octree. */
@@ -40,8 +45,8 @@ export interface Cube {
   /** Points embedded in the page. */
   held: NodePoints | null;
   drawn: Points | null;
-  /** Between points; 0 = as everywhere. */
-  spacing: number;
+  /** Of the octree; null = of a keyframe. */
+  node: DetailNode | null;
 }
 
 /** Which palette a colouring takes; null = none. */
@@ -62,9 +67,6 @@ export class Cloud {
   /** Cubes of keyframes, by keyframe id. */
   readonly keyframeCubes = new Map<string, Cube>();
   loaded = 0;
-  /** Points that may be drawn at a time. */
-  budget = 3_000_000;
-  drawnPoints = 0;
   /** Robust bounds along `basis` (framing.ts). */
   low: Vec3 = [-1, -1, -1];
   high: Vec3 = [1, 1, 1];
@@ -74,8 +76,9 @@ export class Cloud {
   constructor(
     nodes: readonly NodeData[],
     readonly basis: readonly [Vec3, Vec3, Vec3],
+    hasNormals = true,
   ) {
-    this.cubes = nodes.map((node) => this.newCube(node.level, node.corner, node.side));
+    this.cubes = nodes.map((node) => this.octreeCube(node.level, node.corner, node.side));
     const [a, b, c] = basis;
     this.material = new RawShaderMaterial({
       glslVersion: GLSL3,
@@ -88,8 +91,13 @@ export class Cloud {
         heights: { value: new Vector2() },
         coloring: { value: 0 },
         facing: { value: false },
-        size: { value: 0.01 },
+        hasNormals: { value: hasNormals },
+        size: { value: 1.6 },
+        spacing: { value: 0.01 },
+        nodes: { value: this.detail.texture },
+        node: { value: -1 },
         focalLength: { value: 1000 },
+        minPointSize: { value: 2 },
         maxPointSize: { value: 24 },
         palette: { value: this.palettes.viridis },
       },
@@ -97,16 +105,23 @@ export class Cloud {
     this.spacing = usualSpacing(nodes);
   }
 
+  private readonly detail = new Detail();
+  /** Of the points of keyframes. */
   private spacing: number;
   private isSpacingOutdated = false;
-  /** Of points, times the usual one. */
-  private pointSize = 1;
 
-  newCube(level: number, corner: Vec3, side: number): Cube {
+  /** A cube of the octree, without points. */
+  octreeCube(level: number, corner: Vec3, side: number): Cube {
+    const made = this.newCube(level, corner, side);
+    made.node = this.detail.nodeOf(level, corner, side);
+    return made;
+  }
+
+  private newCube(level: number, corner: Vec3, side: number): Cube {
     const local = new Matrix4().makeTranslation(...corner).scale(new Vector3(side, side, side));
     const center = new Vector3(...corner).addScalar(side / 2);
     const radius = (side * Math.sqrt(3)) / 2;
-    return { level, corner, local, matrix: local.clone(), side, center, radius, points: null, held: null, drawn: null, spacing: 0 };
+    return { level, corner, local, matrix: local.clone(), side, center, radius, points: null, held: null, drawn: null, node: null };
   }
 
   /** Takes the points of a cube of the page. */
@@ -158,6 +173,7 @@ export class Cloud {
   private detach(cube: Cube): void {
     this.loaded -= cube.points?.count ?? 0;
     cube.points = null;
+    if (cube.node) Detail.setPoints(cube.node, null);
     if (!cube.drawn) return;
     this.group.remove(cube.drawn);
     cube.drawn.geometry.dispose();
@@ -167,6 +183,7 @@ export class Cloud {
   private attach(cube: Cube, points: NodePoints): void {
     cube.points = points;
     this.loaded += points.count;
+    if (cube.node) Detail.setPoints(cube.node, points);
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(points.positions, 4, true));
     geometry.setAttribute("rgbc", new BufferAttribute(points.colors, 4, true));
@@ -176,7 +193,7 @@ export class Cloud {
     drawn.matrixAutoUpdate = false;
     drawn.matrix.copy(cube.matrix);
     drawn.onBeforeRender = () => {
-      this.material.uniforms["size"]!.value = 1.6 * this.pointSize * (cube.spacing || this.spacing);
+      this.material.uniforms["node"]!.value = cube.node?.index ?? -1;
       this.material.uniformsNeedUpdate = true;
     };
     cube.drawn = drawn;
@@ -203,6 +220,36 @@ export class Cloud {
     }
   }
 
+  /** Calls `visit` for every so many points that a camera may see, those of surfaces that face it. */
+  forEachShown(camera: Camera, stride: number, visit: (at: Vec3) => void): void {
+    let number = 0;
+    for (const cube of this.cubes) {
+      for (let i = 0; i < (cube.points?.count ?? 0); ++i) {
+        if (number++ % stride !== 0) continue;
+        const at = this.positionOf(cube, i);
+        if (this.isShown(camera, cube, i, at)) visit(at);
+      }
+    }
+  }
+
+  /** Returns heights along `basis` of surfaces that face up, of every so many points. */
+  floorHeights(stride: number): number[] {
+    const heights: number[] = [];
+    let number = 0;
+    for (const cube of this.cubes) {
+      for (let i = 0; i < (cube.points?.count ?? 0); ++i) {
+        if (number++ % stride !== 0 || dot(this.normalOf(cube, i).toArray(), this.basis[2]) < 0.9) continue;
+        heights.push(dot(this.positionOf(cube, i), this.basis[2]));
+      }
+    }
+    return heights;
+  }
+
+  private normalOf(cube: Cube, i: number): Vector3 {
+    const signed = (k: number): number => ((cube.points?.normalsAndViews[4 * i + k] ?? 0) << 24) >> 24;
+    return new Vector3(...normalFrom(signed(0), signed(1))).transformDirection(cube.matrix);
+  }
+
   /** Every so many points of a cube; number by number, since there may be millions. */
   visit(cube: Cube, visit: (x: number, y: number, z: number, i: number) => void, stride = 1): void {
     const [xx, xy, xz, , yx, yy, yz, , zx, zy, zz, , x0, y0, z0] = cube.matrix.elements;
@@ -215,15 +262,11 @@ export class Cloud {
     }
   }
 
-  /** `clip`: low and high share of the extent along each axis; 0 and 1 leave all in. `facing`: only surfaces seen from the front. */
-  setLook(coloring: Coloring, size: number, clip: readonly number[], facing: boolean): void {
+  /** `facing`: only surfaces seen from the front. */
+  setLook(coloring: Coloring, size: number, cut: Cut, facing: boolean): void {
     const u = this.material.uniforms;
     const corner = (end: 0 | 1): Vector3 => {
-      const at = [0, 1, 2].map((i) => {
-        const share = clip[2 * i + end] ?? end;
-        if (share === end) return end === 0 ? -1e30 : 1e30;
-        return (this.low[i as 0] ?? 0) + share * ((this.high[i as 0] ?? 0) - (this.low[i as 0] ?? 0));
-      });
+      const at = [0, 1, 2].map((i) => cut[2 * i + end] ?? (end === 0 ? -1e30 : 1e30));
       return new Vector3(at[0], at[1], at[2]);
     };
     u["low"]!.value = corner(0);
@@ -231,7 +274,7 @@ export class Cloud {
     u["heights"]!.value = new Vector2(this.low[2], this.high[2]);
     u["facing"]!.value = facing;
     u["coloring"]!.value = colorings.indexOf(coloring);
-    this.pointSize = size;
+    u["size"]!.value = kOverlap * size;
     u["palette"]!.value = this.palettes[paletteOf(coloring) ?? "viridis"];
   }
 
@@ -242,29 +285,40 @@ export class Cloud {
   }
 
   /**
-   * Selects the cubes to draw: largest on screen first, within `budget`. `focalLength`: of a unit at distance 1, or of
-   * a unit of a flat view [px].
+   * Returns the cubes in view, those that look largest first, `budget` points at most, and whether these are all.
+   * `focalLength`: of a unit at distance 1, or of a unit of a flat view [px].
    */
-  choose(camera: Camera, focalLength: number, ratio: number): void {
-    this.material.uniforms["focalLength"]!.value = focalLength;
-    this.material.uniforms["maxPointSize"]!.value = 28 * ratio;
+  choose(camera: Camera, focalLength: number, ratio: number, budget: number): { cubes: Cube[]; isAll: boolean } {
+    const u = this.material.uniforms;
+    u["focalLength"]!.value = focalLength;
+    u["minPointSize"]!.value = 1.5 * ratio;
+    u["maxPointSize"]!.value = 32 * ratio;
     if (this.isSpacingOutdated) this.updateSpacing();
+    u["spacing"]!.value = this.spacing;
     const sight = new Sight(camera);
     const visible: [Cube, number][] = [];
     for (const cube of this.cubes) {
       if (!cube.drawn) continue;
-      cube.drawn.visible = false;
       const size = sight.sizeOf(cube.center, cube.radius);
       if (size > 0) visible.push([cube, size]);
     }
     visible.sort((a, b) => b[1] - a[1]);
-    this.drawnPoints = 0;
+    const chosen: Cube[] = [];
+    let sum = 0;
     for (const [cube] of visible) {
-      const count = cube.points?.count ?? 0;
-      if (this.drawnPoints + count > this.budget && this.drawnPoints > 0) break;
-      if (cube.drawn) cube.drawn.visible = true;
-      this.drawnPoints += count;
+      sum += cube.points?.count ?? 0;
+      if (sum > budget && chosen.length > 0) break;
+      chosen.push(cube);
     }
+    this.detail.show(chosen.flatMap((cube) => cube.node ?? []));
+    u["nodes"]!.value = this.detail.texture;
+    return { cubes: chosen, isAll: chosen.length === visible.length };
+  }
+
+  /** Only these are drawn next. */
+  show(cubes: readonly Cube[]): void {
+    for (const cube of this.cubes) if (cube.drawn) cube.drawn.visible = false;
+    for (const cube of cubes) if (cube.drawn) cube.drawn.visible = true;
   }
 
   /** Whether a place is cut away. */
@@ -284,8 +338,7 @@ export class Cloud {
   }
 
   private isFromBehind(camera: Camera, cube: Cube, i: number, at: Vec3): boolean {
-    const signed = (k: number): number => ((cube.points?.normalsAndViews[4 * i + k] ?? 0) << 24) >> 24;
-    const normal = new Vector3(...normalFrom(signed(0), signed(1))).transformDirection(cube.matrix);
+    const normal = this.normalOf(cube, i);
     const seen = isPerspective(camera)
       ? new Vector3(...at).sub(camera.position)
       : camera.getWorldDirection(new Vector3());

@@ -45,6 +45,8 @@ export interface ReportData {
   scale_known: boolean;
   up: Vec3;
   origin: Vec3;
+  /** Where north is, if it is known. */
+  north?: Vec3;
   points_in: number;
   points: number;
   nodes: NodeData[];

@@ -49,7 +49,7 @@ export class LivePage {
       this.update();
       changed(words[this.live.state]);
     });
-    this.seen = new Seen(viewer.cloud, () => this.live.eyes(), () => viewer.landmarks, () => viewer.redraw());
+    this.seen = new Seen(viewer.cloud, () => this.live.eyes(), () => viewer.landmarks, () => viewer.drawOver());
     viewer.under = (context, project) => {
       if (viewer.state.mode !== "keyframe") this.seen.draw(context, project, viewer.state.mode === "plan");
     };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Loupe: what lies around the pointer, or the middle of the picture, enlarged while one measures.
-import { type OrthographicCamera, type PerspectiveCamera, WebGLRenderTarget } from "three";
+import { WebGLRenderTarget } from "three";
 import { el } from "./dom";
 import { Throttle } from "./throttle";
 import type { Viewer } from "./viewer";
@@ -48,7 +48,7 @@ export class Loupe {
     const [x, y] = this.pointer ?? [width / 2, height / 2];
     this.canvas.classList.toggle("left", x > width / 2 && y < height / 2);
     const side = kSize / kZoom;
-    this.render(viewer.cameras.current, width, height, x - side / 2, y - side / 2, side);
+    viewer.drawPart(this.target, x - side / 2, y - side / 2, side, kZoom);
     viewer.renderer.readRenderTargetPixels(this.target, 0, 0, kSize, kSize, bytes);
     const context = this.canvas.getContext("2d");
     if (!context) return;
@@ -67,17 +67,5 @@ export class Loupe {
       }
       context.stroke();
     }
-  }
-
-  /** Draws a square of the picture into `target`. */
-  private render(camera: PerspectiveCamera | OrthographicCamera, width: number, height: number, left: number, top: number, side: number): void {
-    const { renderer, cloud, panorama, scene, cameras, state } = this.viewer;
-    camera.setViewOffset(width, height, left, top, side, side);
-    cloud.choose(camera, kZoom * cameras.focalLength, 1);
-    panorama.place(cameras.perspective, state.mode === "keyframe" ? 1 - state.fade : 0);
-    renderer.setRenderTarget(this.target);
-    renderer.render(scene, camera);
-    renderer.setRenderTarget(null);
-    camera.clearViewOffset();
   }
 }

@@ -7,11 +7,16 @@ import { showLegend } from "./legend";
 import { LivePage } from "./live_page";
 import { Loupe } from "./loupe";
 import { Measuring } from "./measuring";
+import { Minimap } from "./minimap";
 import { hasPhoto, leaveOutMissingPhotos } from "./panorama";
+import { printed } from "./print";
 import { writeReport } from "./report";
 import { Results } from "./results";
+import { Slices } from "./slices";
+import { Stage } from "./stage";
 import { type Coloring, colorings, type Mode, modes, stateFrom, stateText } from "./state";
 import type { StreamState } from "./stream";
+import { isOutside } from "./tour";
 import { Viewer } from "./viewer";
 import { coloringWords, keyWords, modeWords } from "./words";
 
@@ -47,7 +52,11 @@ class Page {
     this.state.fade = v;
     this.changed();
   });
-  private readonly clips: HTMLInputElement[] = [];
+  private readonly minimap = new Minimap(
+    { basis: this.viewer.basis, cloud: this.viewer.cloud, heights: () => this.viewer.planHeights },
+    (which) => this.viewer.tour.goTo(which),
+  );
+  private readonly slices = new Slices(this.viewer, this.state, () => this.changed());
   readonly results = new Results(
     byId("results"),
     this.viewer,
@@ -73,6 +82,7 @@ class Page {
       this.say(this.data.points > 0 ? "" : "There are no points.");
       this.refresh();
     };
+    this.viewer.onExtent = () => this.minimap.update();
     this.viewer.onStreamed = () => this.streamed();
     this.say("Reading the points…");
     void this.viewer.load();
@@ -140,9 +150,9 @@ class Page {
     this.allowPhotos();
     const flight = el("div", { role: "group", "aria-label": "Keyframe", id: "flight" });
     flight.append(
-      button("◀", () => this.viewer.step(-1), { "aria-label": "Previous keyframe" }),
+      button("◀", () => this.viewer.tour.step(-1), { "aria-label": "Previous keyframe" }),
       this.where,
-      button("▶", () => this.viewer.step(1), { "aria-label": "Next keyframe" }),
+      button("▶", () => this.viewer.tour.step(1), { "aria-label": "Next keyframe" }),
       this.fade,
     );
     for (const coloring of colorings) this.select.append(el("option", { value: coloring }, coloringWords[coloring]));
@@ -154,29 +164,13 @@ class Page {
       this.measuring.buttons,
       el("div", {}, button("Save picture", () => this.save()), button("Help", () => byId<HTMLDialogElement>("help").showModal())),
     );
-    byId("toolbar").append(views, tools, flight);
-    byId("view").append(this.legend);
+    const stage = new Stage(byId("stage"), tools, byId("cuts"));
+    byId("toolbar").append(views, stage.sheetButton, tools, stage.fullButton);
+    byId("view").append(this.legend, this.minimap.canvas, flight);
   }
 
   private buildPanels(): void {
-    const clip = byId("clip");
-    const names = ["Along, from", "Along, to", "Across, from", "Across, to", "Height, from", "Height, to"];
-    names.forEach((name, i) => {
-      const label = slider(name, 0, 1, this.state.clip[i] ?? 0, (v) => {
-        this.state.clip[i] = v;
-        this.changed();
-      });
-      this.clips.push(label.querySelector("input") as HTMLInputElement);
-      clip.append(label);
-    });
-    clip.append(
-      button("Floor slice", () => this.slice()),
-      button("Show all", () => this.setClip([0, 1, 0, 1, 0, 1])),
-      slider("Point size", 0.3, 4, this.state.size, (v) => {
-        this.state.size = v;
-        this.changed();
-      }),
-    );
+    byId("cuts").append(this.slices.box);
     const keys = byId("keys");
     for (const [key, words] of keyWords) keys.append(el("dt", {}, key), el("dd", {}, words));
   }
@@ -190,17 +184,27 @@ class Page {
     canvas.addEventListener("pointerup", (event) => {
       if (!down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 6 || event.button !== 0) return;
       const box = canvas.getBoundingClientRect();
-      this.measuring.take(event.clientX - box.left, event.clientY - box.top, event.shiftKey);
+      const [x, y] = [event.clientX - box.left, event.clientY - box.top];
+      if (this.measuring.chosen) this.measuring.take(x, y, event.shiftKey);
+      else this.clickRing(x, y, event.pointerType === "mouse" ? 6 : 22);
+    });
+    canvas.addEventListener("dblclick", (event) => {
+      if (!this.measuring.chosen) this.viewer.setPivotAt(event.offsetX, event.offsetY);
     });
     listenForKeys(canvas, this);
     window.addEventListener("hashchange", () => {
       if (location.hash.replace(/^#/, "") === stateText(this.state)) return;
-      Object.assign(this.state, stateFrom(location.hash));
+      const next = stateFrom(location.hash);
+      if (next.isAlongPath !== this.state.isAlongPath) location.reload();
+      Object.assign(this.state, next);
       this.viewer.setMode(this.state.mode, this.state.eye === null);
+      this.refresh();
     });
     const print = byId<HTMLImageElement>("print");
     window.addEventListener("beforeprint", () => {
-      print.src = this.viewer.picture().toDataURL("image/png");
+      const { picture, width } = printed(this.viewer);
+      print.style.width = width === null ? "" : `${width}mm`;
+      print.src = picture.toDataURL("image/png");
     });
   }
 
@@ -215,14 +219,12 @@ class Page {
 
   setMode(mode: Mode): void {
     if (this.modeButtons.get(mode)?.disabled) return;
-    if (mode !== "plan" && this.state.mode === "plan") this.state.clip = [0, 1, 0, 1, 0, 1];
     this.viewer.setMode(mode);
     this.refresh();
   }
 
   private enter(which: number): void {
     const photo = hasPhoto(this.data.keyframes[which]);
-    if (this.state.mode === "plan") this.state.clip = [0, 1, 0, 1, 0, 1];
     this.state.mode = photo ? "keyframe" : "walk";
     this.state.keyframe = which;
     this.viewer.setMode(this.state.mode);
@@ -231,21 +233,18 @@ class Page {
     this.refresh();
   }
 
+  /** Goes to the keyframe whose ring was clicked; from outside into its photo, or where it has none, to its place. */
+  private clickRing(x: number, y: number, reach: number): void {
+    const which = this.viewer.keyframeAt(x, y, reach);
+    if (which < 0) return;
+    if (isOutside(this.state.mode)) this.enter(which);
+    else this.viewer.tour.goTo(which);
+    this.refresh();
+  }
+
   setColoring(coloring: Coloring): void {
     this.state.coloring = coloring;
     this.changed();
-  }
-
-  private setClip(clip: number[]): void {
-    this.state.clip = clip;
-    this.changed();
-  }
-
-  /** A tenth of the height, at that of the cameras or in the middle. */
-  private slice(): void {
-    const [, , low, , high] = [0, 0, this.state.clip[4] ?? 0, 0, this.state.clip[5] ?? 1];
-    const isSlice = high - low < 0.15;
-    this.setClip([0, 1, 0, 1, ...(isSlice ? [0, 1] : [0.35, 0.45])]);
   }
 
   save(): void {
@@ -280,7 +279,8 @@ class Page {
     const id = this.data.keyframes[state.keyframe]?.id;
     const where = id === undefined ? "" : `keyframe ${id}`;
     if (this.where.textContent !== where) this.where.textContent = where;
-    this.clips.forEach((input, i) => (input.value = String(state.clip[i] ?? 0)));
+    this.slices.refresh();
+    this.minimap.show(this.viewer.position);
     showLegend(this.legend, state.coloring, this.viewer.cloud, this.viewer.scale);
     this.results.refresh();
     window.clearTimeout(this.addressTimer);

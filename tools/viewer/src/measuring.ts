@@ -99,7 +99,7 @@ export class Measuring {
     } else if (tool !== "area" && count === pointsOf[tool]) {
       this.complete(tool);
     }
-    viewer.redraw();
+    viewer.drawOver();
     this.changed();
   }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Measurements, notes and the scale bar, drawn over the points.
+// Measurements, notes, keyframes and the scale bar, drawn over the points.
 import { type Vec3, roundLength } from "./geometry";
 import type { Scale } from "./measure";
+import type { Ring } from "./trajectory";
 
 export interface Mark {
   /** A line through them, or one place. */
@@ -16,22 +17,46 @@ export interface ScaleBar {
   text: string;
 }
 
-/** `perUnit`: pixels per unit of the page. */
-export function scaleBar(perUnit: number, { unit, factor }: Scale): ScaleBar {
+/** `perUnit`: pixels per unit of the page, at a distance; null = at any. */
+export function scaleBar(perUnit: number, { unit, factor }: Scale, distance: number | null): ScaleBar {
   const length = roundLength((160 / perUnit) * factor);
-  return { pixels: (length / factor) * perUnit, text: `${Number(length.toPrecision(3))} ${unit}` };
+  const text = `${Number(length.toPrecision(3))} ${unit}`;
+  const at = distance === null ? "" : ` at ${Number((factor * distance).toPrecision(2))} ${unit}`;
+  return { pixels: (length / factor) * perUnit, text: text + at };
 }
 
-/** Trajectory of a live map. */
+/** The path of the camera. */
 export interface Trail {
-  keyframes: { center: Vec3; hasPoints: boolean }[];
+  line: Vec3[];
+  rings: readonly Ring[];
+  /** Of a live map, where it is now. */
   camera: Vec3 | null;
+  /** Of the current keyframe. */
+  label: string;
 }
 
 type Project = (p: Vec3) => [number, number] | null;
 
 const kLine = "#ffd23f";
 const kBack = "rgba(0, 0, 0, 0.75)";
+
+/** An arrow in the upper left corner; `angle`: clockwise from the top [rad]. */
+export function drawNorth(context: CanvasRenderingContext2D, angle: number): void {
+  context.save();
+  context.translate(40, 40);
+  context.rotate(angle);
+  context.fillStyle = kBack;
+  context.beginPath();
+  context.arc(0, 0, 28, 0, 2 * Math.PI);
+  context.fill();
+  context.fillStyle = "#fff";
+  context.beginPath();
+  for (const [x, y] of [[0, -8], [8, 20], [0, 13], [-8, 20]] as const) context.lineTo(x, y);
+  context.fill();
+  context.textAlign = "center";
+  context.fillText("N", 0, -16);
+  context.restore();
+}
 
 /** Draws on a canvas that lies over the points, or on the picture that is saved. */
 export function drawOverlay(
@@ -97,22 +122,37 @@ export function drawOverlay(
   context.fillRect(x + bar.pixels - 2, y - 5, 2, 10);
 }
 
-/** Keyframes with points are dots, those without are rings. */
+/** Keyframes with points have a dot in their ring. */
 function drawTrail(
   context: CanvasRenderingContext2D,
   project: Project,
   trail: Trail,
   label: (text: string, x: number, y: number) => void,
 ): void {
-  for (const { center, hasPoints } of trail.keyframes) {
-    const at = project(center);
-    if (!at) continue;
+  context.beginPath();
+  let isDown = false;
+  for (const at of trail.line.map(project)) {
+    if (at && isDown) context.lineTo(...at);
+    else if (at) context.moveTo(...at);
+    isDown = at !== null;
+  }
+  context.lineWidth = 1.5;
+  context.strokeStyle = "rgba(255, 210, 63, 0.5)";
+  context.stroke();
+  for (const { x, y, radius, hasPoints, isCurrent } of trail.rings) {
+    for (const [color, wide] of [["rgba(0, 0, 0, 0.6)", isCurrent ? 6 : 3.5] as const, [isCurrent ? "#4cc2ff" : hasPoints ? kLine : "#fff", isCurrent ? 3 : 1.5] as const]) {
+      context.beginPath();
+      context.arc(x, y, radius, 0, 2 * Math.PI);
+      context.lineWidth = wide;
+      context.strokeStyle = color;
+      context.stroke();
+    }
+    if (isCurrent && trail.label !== "") label(trail.label, x, y - radius - 16);
+    if (!hasPoints) continue;
     context.beginPath();
-    context.arc(...at, 3, 0, 2 * Math.PI);
-    context.lineWidth = 1.5;
-    context.strokeStyle = context.fillStyle = hasPoints ? kLine : "#fff";
-    if (hasPoints) context.fill();
-    else context.stroke();
+    context.arc(x, y, radius / 3, 0, 2 * Math.PI);
+    context.fillStyle = kLine;
+    context.fill();
   }
   const camera = trail.camera && project(trail.camera);
   if (!camera) return;

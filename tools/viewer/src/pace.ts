@@ -1,41 +1,27 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// How many points are drawn: fewer while something moves and frames take long, all once it stands still.
-import type { Cloud } from "./cloud";
+// Number of points per frame, from the measured time of frames.
 
-const kSlowFrame = 28; // [ms]
-const kMinPoints = 200_000;
-const kMaxPoints = 5_000_000;
+const kFrameTime = 50; // [ms]
+const kFewest = 50_000;
+const kMost = 20_000_000;
 
 export class Pace {
-  private movedAt = 0;
-  private lastFrame = 0;
-  private busy = false;
+  /** Points of a frame that takes kFrameTime. */
+  budget = 300_000;
+  /** Time of a frame without points [ms]. */
+  private base = 0;
 
-  moved(): void {
-    this.movedAt = performance.now();
-  }
-
-  /** To be called before a frame. */
-  frame(cloud: Cloud): void {
-    const now = performance.now();
-    this.busy = now - this.movedAt < 200;
-    const took = now - this.lastFrame;
-    if (this.busy && took < 250) {
-      const { budget } = cloud;
-      cloud.budget = took > kSlowFrame ? Math.max(kMinPoints, 0.8 * budget) : Math.min(kMaxPoints, 1.1 * budget);
+  /** A frame of so many points took `time` ms. */
+  took(points: number, time: number): void {
+    if (points === 0) {
+      this.base += 0.3 * (time - this.base);
+      return;
     }
-    this.lastFrame = now;
-  }
-
-  /** To be called after it. */
-  settle(cloud: Cloud, draw: () => void): void {
-    if (!this.busy || cloud.drawnPoints >= cloud.loaded) return;
-    setTimeout(() => {
-      if (performance.now() - this.movedAt < 250) return;
-      const { budget } = cloud;
-      cloud.budget = Number.POSITIVE_INFINITY;
-      draw();
-      cloud.budget = budget;
-    }, 300);
+    const base = Math.min(this.base, 0.6 * kFrameTime);
+    const factor = Math.max(0.3, Math.min(1.5, (kFrameTime - base) / Math.max(time - base, 1)));
+    // A small frame that was fast does not show that a large one would be.
+    if (factor > 1 && points < 0.8 * this.budget) return;
+    const wanted = factor < 1 ? factor * Math.min(points, this.budget) : factor * this.budget;
+    this.budget = Math.max(kFewest, Math.min(kMost, wanted));
   }
 }

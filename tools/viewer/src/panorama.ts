@@ -106,11 +106,23 @@ export class Panorama {
       this.material.uniforms["photo"]!.value = photo;
       this.onLoad();
     };
+    image.onerror = () => {
+      if (this.shown === address) this.shown = "";
+    };
     image.src = address;
   }
 
   get ready(): boolean {
     return this.material.uniforms["photo"]!.value !== null;
+  }
+
+  get isLoading(): boolean {
+    return this.shown !== "" && !this.ready;
+  }
+
+  /** Whether it hides all points. */
+  get isOpaque(): boolean {
+    return this.mesh.visible && this.material.uniforms["opacity"]!.value === 1;
   }
 
   /** To be called before drawing. `opacity`: 0 = not drawn. */

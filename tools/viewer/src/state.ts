@@ -32,8 +32,12 @@ export interface ViewState {
   fade: number;
   /** Point size, times the usual one. */
   size: number;
-  /** Shares of the cloud's extent that are shown, low and high of each axis. */
-  clip: number[];
+  /** What is shown, low and high along each axis of the page, from the page's origin; null = no limit. */
+  cut: (number | null)[];
+  /** The same as shares of the cloud's extent, from old addresses; null = not given, or converted to `cut`. */
+  clip: number[] | null;
+  /** The axes of the page follow the path, not the walls, as old addresses with a box have them. */
+  isAlongPath: boolean;
   measurements: Measurement[];
   notes: Note[];
   /** null = lengths are in the unit of the cloud. */
@@ -49,9 +53,11 @@ export const initialState = (): ViewState => ({
   target: null,
   zoom: 1,
   keyframe: 0,
-  fade: 0.5,
+  fade: 0,
   size: 1,
-  clip: [0, 1, 0, 1, 0, 1],
+  cut: [null, null, null, null, null, null],
+  clip: null,
+  isAlongPath: false,
   measurements: [],
   notes: [],
   calibration: null,
@@ -81,7 +87,9 @@ export function stateText(state: ViewState): string {
   if (state.mode === "keyframe" || state.mode === "walk") parts.set("keyframe", String(state.keyframe));
   if (state.mode === "keyframe") parts.set("fade", short(state.fade));
   if (state.size !== 1) parts.set("size", short(state.size));
-  if (list(state.clip) !== list(first.clip)) parts.set("clip", list(state.clip));
+  if (state.clip) parts.set("clip", list(state.clip));
+  else if (state.cut.some((x) => x !== null)) parts.set("cut", state.cut.map((x) => (x === null ? "" : short(x))).join(","));
+  if (state.isAlongPath) parts.set("axes", "path");
   for (const it of state.measurements) {
     parts.append(it.kind, pointsText(it.points) + (it.name ? kNameMark + it.name : ""));
   }
@@ -152,8 +160,11 @@ export function stateFrom(text: string): ViewState {
   state.keyframe = Math.round(number("keyframe", 0, 1e6, state.keyframe));
   state.fade = number("fade", 0, 1, state.fade);
   state.size = number("size", 0.2, 5, state.size);
-  const clip = numbers(parts.get("clip"), 6);
-  if (clip) state.clip = clip.map((x) => between(x, 0, 1));
+  const clip = numbers(parts.get("clip"), 6)?.map((x) => between(x, 0, 1));
+  if (clip && list(clip) !== "0,1,0,1,0,1") state.clip = clip;
+  state.isAlongPath = parts.get("axes") === "path" || (state.clip !== null && list(state.clip.slice(0, 4)) !== "0,1,0,1");
+  const cut = parts.get("cut")?.split(",") ?? [];
+  if (cut.length === 6) state.cut = cut.map((word) => numbers(word, 1)?.[0] ?? null);
   state.calibration = calibration(parts.get("length"));
   state.unit = units.find((it) => it === parts.get("unit")) ?? null;
   for (const [name, text] of parts) {

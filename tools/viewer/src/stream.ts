@@ -24,8 +24,6 @@ interface Streamed {
 const kMaxRequests = 6;
 /** Cubes whose ball looks smaller than that add nothing that is seen [px]. */
 const kSmallest = 100;
-/** Cells of a cube's side, each with one point at most (Octree::kCellBits). */
-const kCells = 128;
 const kRetryAfter = 5000; // [ms]
 
 export type StreamState = "opening" | "open" | "lost" | "refused";
@@ -42,6 +40,7 @@ export class Stream {
   private looks = 0;
   private waitUntil = 0;
   private inFlight = 0;
+  private lookAgain: () => void = () => {};
 
   /** `folder`: address, relative to the page. `changed`: there is more, or less, to draw. */
   constructor(
@@ -90,7 +89,7 @@ export class Stream {
       const count = cube?.points?.count ?? 0;
       const made: Streamed = {
         node,
-        cube: cube ?? this.cloud.newCube(node.level, node.corner, node.side),
+        cube: cube ?? this.cloud.octreeCube(node.level, node.corner, node.side),
         children: [],
         center,
         radius,
@@ -107,12 +106,17 @@ export class Stream {
     if (matched !== held.size) throw new Error("it holds another cloud than this page");
     for (const it of found) if (!held.has(key(it.node.level, it.node.corner, it.node.side))) this.cloud.cubes.push(it.cube);
     this.all = found;
-    this.setSpacings();
+  }
+
+  /** Whether nothing more comes for the view of the last call of look(). */
+  get isIdle(): boolean {
+    return this.state !== "opening" && this.inFlight === 0;
   }
 
   /** To be called after a frame. `focalLength`: of a unit at distance 1, or of a unit of a flat view [px]. */
   look(camera: Camera, focalLength: number): void {
     const root = this.all[0];
+    this.lookAgain = () => this.look(camera, focalLength);
     if (!root || (this.state === "lost" && performance.now() < this.waitUntil)) return;
     this.looks += 1;
     const sight = new Sight(camera);
@@ -152,7 +156,7 @@ export class Stream {
       it.isLoaded = true;
       this.loadedPoints += node.points - it.held;
       this.state = "open";
-      if (!this.makeRoom()) this.setSpacings();
+      this.makeRoom();
     } catch {
       if (!asking.signal.aborted) {
         this.state = "lost";
@@ -162,6 +166,7 @@ export class Stream {
     }
     it.asking = null;
     this.inFlight -= 1;
+    this.lookAgain();
     this.changed();
   }
 
@@ -178,20 +183,6 @@ export class Stream {
       this.loadedPoints -= it.node.points - it.held;
       gone += 1;
     }
-    if (gone > 0) this.setSpacings();
     return gone > 0;
-  }
-
-  /** As far from each other as points are by now: of a cube below which all is there, as far as those below. */
-  private setSpacings(): void {
-    const visit = (it: Streamed): number => {
-      const share = it.isLoaded ? 1 : it.held / Math.max(it.node.points, 1);
-      const own = share > 0 ? it.node.side / kCells / Math.sqrt(share) : 0;
-      const below = it.children.map(visit);
-      const isFull = below.length > 0 && below.every((spacing) => spacing > 0);
-      it.cube.spacing = isFull ? Math.min(own || Infinity, Math.max(...below)) : own;
-      return it.cube.spacing;
-    };
-    if (this.all[0]) visit(this.all[0]);
   }
 }

@@ -1,29 +1,35 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // The points as a picture: loading, views, drawing, picking.
-import { type PerspectiveCamera, Scene, WebGLRenderer } from "three";
+import type { Camera, PerspectiveCamera, WebGLRenderTarget, WebGLRenderer } from "three";
 import { Cameras } from "./cameras";
-import { Cloud } from "./cloud";
+import { Cloud, type Cube } from "./cloud";
+import { type Cut, cutFromShares, isSameCut, noCut, planCut } from "./cuts";
 import type { KeyframeData, ReportData } from "./data";
-import { nearestKeyframe, pathOf } from "./trajectory";
-import { type Vec3, basisAround, dot, fromCamera, mainDirection, norm, sub } from "./geometry";
-import { loadHeld } from "./load";
+import { type KeyframePlace, nearestKeyframe, pathOf, type Ring, ringAt, ringsIn } from "./trajectory";
+import { straightBasis } from "./framing";
+import { type Vec3, dot, fromCamera, mainDirection, norm, sub } from "./geometry";
+import { Frames } from "./frames";
+import { loadHeld, rootNormals } from "./load";
 import { scaleOf } from "./lengths";
 import { marksOf } from "./marks";
 import { type Picked, type Result, type Scale, type Taken, resultOf } from "./measure";
-import { drawOverlay, scaleBar, type Trail } from "./overlay";
-import { Pace } from "./pace";
-import { hasPhoto, Panorama, photoOf } from "./panorama";
+import { drawNorth, drawOverlay, type ScaleBar, scaleBar, type Trail } from "./overlay";
+import type { Position } from "./minimap";
+import { Walking } from "./navigate";
+import { Panorama, hasPhoto, photoOf } from "./panorama";
 import { pick } from "./pick";
+import { Picture } from "./picture";
 import type { Measurement, Mode, ViewState } from "./state";
+import { type Storey, storeysOf } from "./storeys";
 import { Stream } from "./stream";
 import { type Eyes, pickedFrom } from "./surroundings";
 import { Throttle } from "./throttle";
+import { isOutside, Tour } from "./tour";
 
 const kPickRadius = 12;
 
 export class Viewer {
   readonly cloud: Cloud;
-  readonly renderer: WebGLRenderer;
   readonly basis: readonly [Vec3, Vec3, Vec3];
   readonly cameras: Cameras;
   /** Indices of the existing keyframes in the order of the trajectory. */
@@ -35,6 +41,8 @@ export class Viewer {
   /** Called when the view changes. */
   onChange: () => void = () => {};
   onLoaded: () => void = () => {};
+  /** The bounds of the cloud were measured. */
+  onExtent: () => void = () => {};
   /** More points have come, or none will. */
   onStreamed: () => void = () => {};
   /** The view has been set to show all. */
@@ -45,20 +53,34 @@ export class Viewer {
   landmarks: readonly Vec3[] = [];
   /** null = the page holds all there is. */
   stream: Stream | null = null;
-  readonly scene = new Scene();
+  readonly frames: Frames;
+  readonly tour: Tour;
+  private readonly walking: Walking;
+  /** Whether the current keyframe was chosen from outside, which then is shown. */
+  private isStepped = false;
+  private readonly drawing: Picture;
   readonly panorama: Panorama;
   private width = 1;
   private height = 1;
-  private waiting = false;
-  private readonly pace = new Pace();
-  private contextLost = false;
-  private trail: Trail | null = null;
+  /** Where the camera of a live map is. */
+  private liveCamera: Vec3 | null = null;
+  /** Rings of the keyframes in the picture. */
+  private rings: Ring[] = [];
+  /** From the eye to what is seen in the middle, where one stands at a keyframe; 0 = not known yet. */
+  private middleDistance = 0;
+  storeys: Storey[] = [];
+  /** That the plan made, not the user. */
+  private cutOfPlan = noCut();
+  /** 1 : this, while a plan is printed; 0 = it is not. */
+  private printScale = 0;
+  private isLoaded = false;
   /** Whether the user has moved the view. */
   isTouched = false;
   private readonly updateExtentLater = new Throttle(300, () => {
-    this.cloud.measureExtent(this.centers(), this.landmarks);
+    this.measureExtent();
     if (!this.isTouched && this.cloud.loaded + this.landmarks.length > 0) this.setMode(this.state.mode);
-    this.redraw();
+    this.pointsChanged();
+    this.drawOver();
   });
 
   constructor(
@@ -69,22 +91,31 @@ export class Viewer {
   ) {
     this.order = data.keyframes.map((_, i) => i);
     this.path = pathOf(data.keyframes, this.order);
-    this.basis = basisAround(data.up, mainDirection(this.centers(), data.up));
-    this.cloud = new Cloud(data.nodes, this.basis);
-    this.renderer = new WebGLRenderer({ canvas, antialias: false, powerPreference: "high-performance" });
-    this.renderer.setClearColor(0x14171a, 1);
-    this.renderer.outputColorSpace = "srgb";
+    const path = mainDirection(this.centers(), data.up);
+    this.basis = straightBasis(data.up, path, state.isAlongPath ? [] : rootNormals(data.nodes));
+    this.cloud = new Cloud(data.nodes, this.basis, data.normals !== false);
     this.panorama = new Panorama(() => this.redraw());
-    this.scene.add(this.cloud.group, this.panorama.mesh);
     this.cameras = new Cameras(canvas, state, this.basis, this.cloud, () => this.changed());
-    canvas.addEventListener("webglcontextlost", (event) => {
-      event.preventDefault();
-      this.contextLost = true;
+    this.drawing = new Picture(canvas, this.cloud.group, this.panorama.mesh, () => this.redraw());
+    this.frames = new Frames({
+      begin: (budget) => this.begin(budget),
+      add: (cubes) => this.add(cubes),
+      present: () => this.present(),
+      completed: () => setTimeout(() => this.measureMiddle()),
+      whenFinished: (done) => this.drawing.whenFinished(done),
     });
-    canvas.addEventListener("webglcontextrestored", () => {
-      this.contextLost = false;
-      this.redraw();
+    this.frames.listen(canvas);
+    this.tour = new Tour(this.cameras, state, {
+      places: () => this.keyframeCenters,
+      path: (mode) => this.pathIn(mode),
+      enter: (which) => this.enter(which, state.mode === "keyframe", false),
+      prepare: (which) => this.showPhoto(which),
+      marked: () => {
+        this.isStepped = true;
+        this.changed();
+      },
     });
+    this.walking = new Walking(canvas, (by) => this.tour.walk(by));
     for (const name of ["pointerdown", "wheel", "keydown"]) {
       canvas.addEventListener(name, () => (this.isTouched = true), { passive: true });
     }
@@ -98,11 +129,9 @@ export class Viewer {
     this.data.keyframes = keyframes;
     this.order = order;
     this.path = pathOf(keyframes, order);
-    const existing = order.map((i) => keyframes[i]!);
-    const marks = existing.map((k) => ({ center: this.centerOf(k), hasPoints: k.use === "depth map" }));
-    this.trail = { keyframes: marks, camera };
+    this.liveCamera = camera;
     this.updateExtentLater.request();
-    this.redraw();
+    this.pointsChanged();
   }
 
   private centers(): Vec3[] {
@@ -121,64 +150,131 @@ export class Viewer {
   /** Reads what the page holds; then asks for more where it is served with a Potree folder. */
   async load(): Promise<void> {
     const begin = (): void => {
-      this.cloud.measureExtent(this.centers());
+      this.measureExtent();
       this.setMode(this.state.mode, false);
     };
-    const loaded = await loadHeld(this.data.nodes, this.cloud, (cubes) => (cubes === 1 ? begin() : this.redraw()));
-    this.cloud.measureExtent(this.centers());
-    if (loaded === 0 || !this.state.eye) this.setMode(this.state.mode, false);
-    this.redraw();
+    const loaded = await loadHeld(this.data.nodes, this.cloud, (cubes) => (cubes === 1 ? begin() : this.pointsChanged()));
+    this.measureExtent();
+    this.state.clip = null;
+    this.isLoaded = true;
+    if (loaded === 0 || !this.isTouched) this.setMode(this.state.mode, !this.isTouched);
+    this.pointsChanged();
     this.onLoaded();
     if (!this.data.potree || !location.protocol.startsWith("http")) return;
     this.stream = new Stream(this.cloud, this.data.potree, this.data.origin, () => {
-      this.redraw();
+      this.pointsChanged();
       this.onStreamed();
     });
     await this.stream.open();
   }
 
+  /** Bounds of the cloud, its storeys, and the cut of an old address, which counts in shares of the bounds. */
+  private measureExtent(): void {
+    const { cloud, state, basis } = this;
+    cloud.measureExtent(this.centers(), this.landmarks);
+    const heights = this.path.map((i) => dot(this.centerOf(this.data.keyframes[i]!), basis[2]));
+    const floors = this.data.normals === false ? [] : cloud.floorHeights(Math.max(1, Math.floor(cloud.loaded / 50_000)));
+    this.storeys = storeysOf(floors, heights, cloud.low[2], cloud.high[2]);
+    if (state.clip) state.cut = cutFromShares(state.clip, cloud.low, cloud.high);
+    this.onExtent();
+  }
+
+  /** For the small plan; null in views from outside. */
+  get position(): Position | null {
+    const { cameras, state } = this;
+    if (isOutside(state.mode)) return null;
+    return { eye: cameras.eye, direction: cameras.directionOf(0, 1), places: this.keyframeCenters };
+  }
+
+  /** Heights that a plan of the current storey shows. */
+  get planHeights(): [number, number] {
+    const cut = this.automaticCut;
+    return [cut[4] ?? Number.NEGATIVE_INFINITY, cut[5] ?? Number.POSITIVE_INFINITY];
+  }
+
+  /** The storey of the current keyframe. */
+  get storey(): Storey {
+    const keyframe = this.data.keyframes[this.state.keyframe];
+    const height = keyframe ? dot(this.centerOf(keyframe), this.basis[2]) : Number.POSITIVE_INFINITY;
+    return this.storeys.filter((it) => it.floor < height).at(-1) ?? this.storeys[0] ?? { floor: 0, top: null, camera: 0, highestCamera: 0 };
+  }
+
+  /** Makes a keyframe of a storey the current one. */
+  showStorey(storey: Storey): void {
+    const heightOf = (i: number): number => dot(this.centerOf(this.data.keyframes[i]!), this.basis[2]);
+    const isOn = (i: number): boolean => heightOf(i) > storey.floor && heightOf(i) < (storey.top ?? Number.POSITIVE_INFINITY);
+    const { state } = this;
+    if (!isOn(state.keyframe)) state.keyframe = this.path.find(isOn) ?? state.keyframe;
+  }
+
+  private get automaticCut(): Cut {
+    return planCut(this.storey, this.storey === this.storeys[0]);
+  }
+
   private resize(): void {
     if (this.canvas.clientWidth === 0 && this.width > 1) return; // hidden, as while it is printed
-    this.width = Math.max(1, this.canvas.clientWidth);
-    this.height = Math.max(1, this.canvas.clientHeight);
+    this.setSize(this.canvas.clientWidth, this.canvas.clientHeight);
+    this.frames.drawFew();
+    this.frames.moved();
+  }
+
+  private setSize(width: number, height: number): void {
+    this.width = Math.max(1, width);
+    this.height = Math.max(1, height);
     this.cameras.resize(this.width, this.height);
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
-    this.renderer.setPixelRatio(ratio);
-    this.renderer.setSize(this.width, this.height, false);
-    this.overlay.width = this.width * ratio;
-    this.overlay.height = this.height * ratio;
-    this.draw();
+    this.drawing.resize(this.width, this.height);
+    this.overlay.width = this.canvas.width;
+    this.overlay.height = this.canvas.height;
   }
 
   /** `fresh`: look from where the mode begins, not from where the address says. */
   setMode(mode: Mode, fresh = true): void {
     const { state, cameras } = this;
+    if (state.clip && this.isLoaded) {
+      this.measureExtent();
+      state.clip = null;
+    }
+    const isAutomatic = isSameCut(state.cut, this.cutOfPlan) || isSameCut(state.cut, this.automaticCut);
+    if (isAutomatic && (mode !== "plan" || fresh)) state.cut = noCut();
     state.mode = mode;
     const eye = fresh ? null : state.eye;
     const target = fresh ? null : state.target;
     cameras.begin(mode);
+    this.tour.stop();
+    this.isStepped = false;
+    this.middleDistance = 0;
     if (mode === "orbit") {
-      cameras.lookFromOutside(eye, target);
+      if (eye && target) cameras.lookFromOutside(eye, target);
+      else cameras.lookAtAll((camera) => this.placesToShow(camera));
     } else if (mode === "plan") {
-      if (fresh && state.clip.join() === "0,1,0,1,0,1") state.clip = [0, 1, 0, 1, 0, this.aboveCameras()];
+      if (fresh && isSameCut(state.cut, noCut()) && this.cloud.loaded > 0) state.cut = this.cutOfPlan = this.automaticCut;
       cameras.lookFromAbove(eye, target, fresh ? 1 : state.zoom);
     } else {
       state.keyframe = nearestKeyframe(this.data.keyframes, this.order, state.keyframe, mode === "keyframe");
       this.enter(state.keyframe, mode === "keyframe", fresh || !target);
-      if (!fresh && target && eye) cameras.lookAlong(sub(target, eye));
+      if (eye && target) {
+        if (mode === "walk") cameras.standAt(eye);
+        cameras.lookAlong(sub(target, eye));
+      }
     }
     if (fresh) this.onFramed();
     this.changed();
   }
 
-  /** Share of the height up to a little above the cameras: ceilings would hide the rooms. */
-  private aboveCameras(): number {
-    const up = this.basis[2];
-    const heights = this.path.map((i) => dot(this.centerOf(this.data.keyframes[i]!), up)).sort((a, b) => a - b);
-    const [low, high] = [this.cloud.low[2], this.cloud.high[2]];
-    const top = heights[Math.floor(0.9 * (heights.length - 1))];
-    if (top === undefined || !(high > low)) return 1;
-    return Math.max(0.05, Math.min(1, (top - low) / (high - low) + 0.08));
+  /** Points within the bounds that a camera may see, and the path. */
+  private placesToShow(camera: Camera): Vec3[] {
+    const { cloud, state, basis } = this;
+    cloud.setLook(state.coloring, state.size, state.cut, this.isSeenThrough);
+    const places = [...this.centers(), ...this.landmarks];
+    cloud.forEachShown(camera, Math.max(1, Math.floor(cloud.loaded / 5000)), (at) => {
+      if (basis.every((axis, i) => dot(axis, at) >= cloud.low[i as 0] && dot(axis, at) <= cloud.high[i as 0])) places.push(at);
+    });
+    return places;
+  }
+
+  /** Whether surfaces seen from behind are left out. */
+  private get isSeenThrough(): boolean {
+    return this.data.normals !== false && isOutside(this.state.mode);
   }
 
   /** Stands where a keyframe's camera stood. `fresh`: looks where it looked. */
@@ -192,20 +288,30 @@ export class Viewer {
       const ahead = next ? sub(next.center, keyframe.center) : ([0, 0, 0] as Vec3);
       this.cameras.lookAlong(withPhoto || norm(ahead) === 0 ? fromCamera(keyframe, [0, 0, 1]) : ahead);
     }
-    this.panorama.show(withPhoto ? photoOf(keyframe) : "", keyframe);
+    this.showPhoto(which);
     this.changed();
   }
 
-  /** The next or previous keyframe of the trajectory; with a photo where the mode shows them. */
-  step(by: number): void {
-    let path = this.path;
-    if (this.state.mode === "keyframe") {
-      const withPhoto = path.filter((i) => hasPhoto(this.data.keyframes[i]));
-      if (withPhoto.length > 0) path = withPhoto;
-    }
-    const at = path.indexOf(this.state.keyframe);
-    const next = path[(Math.max(at, 0) + by + path.length) % path.length];
-    if (next !== undefined) this.enter(next, this.state.mode === "keyframe", false);
+  /** Those that steps go to: with a photo where the mode shows them. */
+  private pathIn(mode: Mode): number[] {
+    const withPhoto = mode === "keyframe" ? this.path.filter((i) => hasPhoto(this.data.keyframes[i])) : [];
+    return withPhoto.length > 0 ? withPhoto : this.path;
+  }
+
+  private showPhoto(which: number): void {
+    const keyframe = this.data.keyframes[which];
+    if (keyframe) this.panorama.show(this.state.mode === "keyframe" ? photoOf(keyframe) : "", keyframe);
+  }
+
+  /** The keyframe whose ring is at pixels from the upper left corner, -1 = none. `reach`: beside the ring [px]. */
+  keyframeAt(x: number, y: number, reach: number): number {
+    return ringAt(this.rings, x, y, reach)?.keyframe ?? -1;
+  }
+
+  /** From outside, turns around what is at pixels from the upper left corner. */
+  setPivotAt(x: number, y: number): void {
+    const found = isOutside(this.state.mode) ? this.pick(x, y) : null;
+    if (found) this.tour.turnAround(found.position);
   }
 
   lookAlong(direction: Vec3): void {
@@ -217,44 +323,110 @@ export class Viewer {
   }
 
   private changed(): void {
-    this.pace.moved();
     this.redraw();
     this.onChange();
   }
 
+  /** The view, or what is drawn over the points, has changed. */
   redraw(): void {
-    if (this.waiting) return;
-    this.waiting = true;
-    requestAnimationFrame(() => {
-      this.waiting = false;
-      this.pace.frame(this.cloud);
-      this.draw();
-      this.pace.settle(this.cloud, () => this.draw());
-    });
+    this.frames.moved();
   }
 
-  /** Draws now. */
+  /** The points have changed. */
+  private pointsChanged(): void {
+    this.frames.outdated();
+  }
+
+  /** Draws all points now. */
   draw(): void {
-    if (this.contextLost) return;
-    const { state, width, height, cameras } = this;
-    const ratio = this.renderer.getPixelRatio();
+    this.frames.drawAll();
+  }
+
+  get renderer(): WebGLRenderer {
+    return this.drawing.renderer;
+  }
+
+  /** Whether all is loaded and drawn. */
+  get isIdle(): boolean {
+    const isStreaming = this.stream !== null && !this.stream.isIdle;
+    return this.isLoaded && this.frames.isIdle && !isStreaming && !this.panorama.isLoading && !this.tour.isMoving && !this.walking.isActive;
+  }
+
+  private begin(budget: number): { cubes: Cube[]; isAll: boolean } {
+    const { state, cameras, drawing } = this;
     cameras.update();
-    const camera = cameras.current;
-    const focalLength = ratio * cameras.focalLength;
-    const outside = this.data.normals !== false && (state.mode === "orbit" || state.mode === "plan");
-    this.cloud.setLook(state.coloring, state.size, state.clip, outside);
-    this.cloud.choose(camera, focalLength, ratio);
-    this.panorama.place(this.perspective, state.mode === "keyframe" ? 1 - state.fade : 0);
-    this.renderer.render(this.scene, camera);
-    this.stream?.look(camera, focalLength);
+    this.cloud.setLook(state.coloring, state.size, state.cut, this.isSeenThrough);
+    this.placePhoto();
+    drawing.clear();
+    if (this.panorama.isOpaque) return { cubes: [], isAll: true };
+    return this.cloud.choose(cameras.current, drawing.ratio * cameras.focalLength, drawing.ratio, budget);
+  }
+
+  private add(cubes: readonly Cube[]): void {
+    this.cloud.show(cubes);
+    this.drawing.add(this.cameras.current);
+  }
+
+  private present(): void {
+    const { height, cameras, drawing } = this;
+    drawing.present(cameras.current, height / cameras.focalLength);
+    this.stream?.look(cameras.current, drawing.ratio * cameras.focalLength);
+    this.drawOver();
+  }
+
+  /** Draws what lies over the points. */
+  drawOver(): void {
+    const { state, width, height, cameras, drawing } = this;
     const context = this.overlay.getContext("2d");
     if (!context) return;
     context.setTransform(1, 0, 0, 1, 0, 0);
     context.clearRect(0, 0, this.overlay.width, this.overlay.height);
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.setTransform(drawing.ratio, 0, 0, drawing.ratio, 0, 0);
     this.under?.(context, (p) => this.project(p));
-    const scale = state.mode === "plan" ? scaleBar(cameras.focalLength, this.scale) : null;
-    drawOverlay(context, width, height, ratio, (p) => this.project(p), marksOf(state, this.pending, this.basis[2], (it) => this.result(it).text), scale, this.trail);
+    this.rings = ringsIn(this.keyframeCenters, state.keyframe, state.mode, (p) => this.project(p), cameras.eye);
+    const marks = marksOf(state, this.pending, this.basis[2], (it) => this.result(it).text);
+    drawOverlay(context, width, height, drawing.ratio, (p) => this.project(p), marks, this.scaleBar(), this.trail());
+    const { north } = this.data;
+    if (state.mode === "plan" && north) drawNorth(context, Math.atan2(dot(north, this.basis[0]), dot(north, this.basis[1])));
+  }
+
+  /** Distance of what is in the middle of the picture, for the scale bar. */
+  private measureMiddle(): void {
+    const { cameras, width, height, state } = this;
+    if (isOutside(state.mode) || !this.isLoaded) return;
+    const found = pick(this.cloud, cameras.current, width / 2, height / 2, width, height, kPickRadius);
+    this.middleDistance = found ? norm(sub(found.position, cameras.eye)) : 0;
+    this.drawOver();
+  }
+
+  /** Existing keyframes, in the order of the trajectory. */
+  private get keyframeCenters(): KeyframePlace[] {
+    return this.order.map((index) => {
+      const keyframe = this.data.keyframes[index]!;
+      return { index, center: this.centerOf(keyframe), hasPoints: keyframe.use === "depth map" };
+    });
+  }
+
+  private trail(): Trail {
+    const { state, data } = this;
+    const id = data.keyframes[state.keyframe]?.id;
+    return {
+      line: isOutside(state.mode) ? this.keyframeCenters.map((it) => it.center) : [],
+      rings: this.rings,
+      camera: this.liveCamera,
+      label: this.isStepped && id !== undefined ? `keyframe ${id}` : "",
+    };
+  }
+
+  /** Of a plan; else at the distance of what is in the middle. */
+  private scaleBar(): ScaleBar | null {
+    const { state, cameras } = this;
+    if (state.mode === "plan") {
+      const bar = scaleBar(cameras.focalLength, this.scale, null);
+      return this.printScale > 0 ? { ...bar, text: `${bar.text}, 1 : ${this.printScale}` } : bar;
+    }
+    const distance = state.mode === "orbit" ? cameras.pivotDistance : this.middleDistance;
+    return distance > 0 ? scaleBar(cameras.focalLength / distance, this.scale, distance) : null;
   }
 
   /** Pixels from the upper left corner; null where it is behind. */
@@ -284,6 +456,36 @@ export class Viewer {
   /** What a measurement says. */
   result(it: Measurement): Result {
     return resultOf(it, { up: this.basis[2], scale: this.scale, ...this.eyes });
+  }
+
+  /** Draws the whole plan as a picture of its own size, 1 : `scale`; `share`: of the picture that the bounds take. */
+  planPicture(width: number, height: number, scale: number, share: number): HTMLCanvasElement {
+    const [before, tall] = [this.width, this.height];
+    this.setSize(width, height);
+    this.printScale = scale;
+    const picture = this.cameras.withWholePlan(share, () => this.picture());
+    this.printScale = 0;
+    this.setSize(before, tall);
+    this.frames.drawFew();
+    this.frames.moved();
+    return picture;
+  }
+
+  /** Draws a square of the picture, `side` px wide, `zoom` times as large into a target. */
+  drawPart(target: WebGLRenderTarget, left: number, top: number, side: number, zoom: number): void {
+    const { cameras, cloud, width, height } = this;
+    const camera = cameras.current;
+    camera.setViewOffset(width, height, left, top, side, side);
+    cloud.show(cloud.choose(camera, zoom * cameras.focalLength, 1, this.frames.pace.budget).cubes);
+    this.placePhoto();
+    this.drawing.drawInto(target, camera);
+    camera.clearViewOffset();
+    this.placePhoto();
+    this.frames.restart();
+  }
+
+  private placePhoto(): void {
+    this.panorama.place(this.perspective, this.state.mode === "keyframe" && !this.tour.isMoving ? 1 - this.state.fade : 0);
   }
 
   /** The picture with all that is drawn over it. */

@@ -26,7 +26,9 @@ export const keyWords: [string, string][] = [
   ["+ and -", "nearer, farther"],
   ["N and B", "next and previous keyframe"],
   ["F and G", "towards the photo, towards the points"],
-  ["D, H, A, R", "measure a distance, a height, an angle, an area"],
+  ["W A S D", "walk; in a photo to the next keyframe that way"],
+  ["E and Q", "up and down"],
+  ["L, H, V, R", "measure a distance, a height, an angle, an area"],
   ["K", "set the scale by a known length"],
   ["Enter", "take the point in the middle of the picture; end an area"],
   ["Shift", "with a click or Enter: without snapping"],
@@ -37,6 +39,6 @@ export const keyWords: [string, string][] = [
   ["M", "metres or feet"],
   ["P", "the photo that sees the last point best"],
   ["Escape", "stop measuring"],
-  ["S", "save a picture"],
+  ["O", "save a picture"],
   ["0", "start again"],
 ];

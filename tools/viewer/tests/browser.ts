@@ -45,6 +45,7 @@ export async function openPage(
   const context = await browser.newContext({
     viewport: { width: options.width ?? 1000, height: options.height ?? 800 },
     hasTouch: options.touch ?? false,
+    reducedMotion: "reduce",
   });
   const page = await context.newPage();
   const requests: string[] = [];
@@ -68,3 +69,49 @@ export async function violations(page: Page): Promise<[string, string[]][]> {
   const found = (await page.evaluate(() => (window as any).axe.run())) as { violations: { id: string; nodes: { html: string }[] }[] };
   return found.violations.map((v) => [v.id, v.nodes.map((n) => n.html.slice(0, 120))]);
 }
+
+/** Waits until all is loaded and drawn. */
+export const idle = (page: Page): Promise<unknown> =>
+  page.waitForFunction(() => (window as any).pmspPage.viewer.isIdle, null, { timeout: 120_000 });
+
+export interface Difference {
+  mean: number;
+  far: number;
+  size: string;
+}
+
+/**
+ * Of means over blocks of 8 x 8 pixels, as shares of full brightness: the mean difference, and the share of blocks that
+ * are off by more than a tenth.
+ */
+export const difference = (page: Page, a: Buffer, b: Buffer): Promise<Difference> =>
+  page.evaluate(
+    async ([a, b]) => {
+      const blocks = async (base64: string): Promise<[number[], string]> => {
+        const image = new Image();
+        image.src = `data:${base64.startsWith("/9j/") ? "image/jpeg" : "image/png"};base64,${base64}`;
+        await image.decode();
+        const canvas = document.createElement("canvas");
+        [canvas.width, canvas.height] = [image.width, image.height];
+        const context = canvas.getContext("2d")!;
+        context.drawImage(image, 0, 0);
+        const { data } = context.getImageData(0, 0, image.width, image.height);
+        const means: number[] = [];
+        for (let y = 0; y + 8 <= image.height; y += 8) {
+          for (let x = 0; x + 8 <= image.width; x += 8) {
+            for (let c = 0; c < 3; ++c) {
+              let sum = 0;
+              for (let i = 0; i < 64; ++i) sum += data[4 * ((y + (i >> 3)) * image.width + x + (i & 7)) + c]!;
+              means.push(sum / 64 / 255);
+            }
+          }
+        }
+        return [means, `${image.width} x ${image.height}`];
+      };
+      const [[one, sizeOne], [other, sizeOther]] = [await blocks(a!), await blocks(b!)];
+      const off = one.map((value, i) => Math.abs(value - (other[i] ?? 1)));
+      const mean = off.reduce((sum, x) => sum + x, 0) / off.length;
+      return { mean, far: off.filter((x) => x > 0.1).length / off.length, size: sizeOne === sizeOther ? "" : `${sizeOne}, not ${sizeOther}` };
+    },
+    [a.toString("base64"), b.toString("base64")],
+  );

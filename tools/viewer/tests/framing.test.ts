@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { busyBox, busyStretch, planHalf, viewDistance } from "../src/framing";
+import { busyBox, busyStretch, planHalf, seenOf, wallDirection } from "../src/framing";
 import type { Vec3 } from "../src/geometry";
 
 const even = (low: number, high: number, count: number): number[] =>
@@ -44,7 +44,26 @@ test("a plan shows all of the box, whichever side is longer", () => {
   for (const [high, aspect] of [[[8, 4, 3], 2], [[4, 8, 3], 2], [[8, 4, 3], 0.5]] as [Vec3, number][]) {
     const half = planHalf([0, 0, 0], high, aspect);
     const [wide, tall] = [high[0] / (2 * half * aspect), high[1] / (2 * half)];
-    assert.ok(Math.max(wide, tall) < 1 && Math.max(wide, tall) > 0.8, `${wide} ${tall}`);
+    assert.ok(Math.max(wide, tall) < 1 && Math.max(wide, tall) > 0.84, `${wide} ${tall}`);
   }
-  assert.ok(viewDistance(10, 0.5) > viewDistance(10, 2));
+});
+
+test("a building is straightened to its walls, whatever else stands around", () => {
+  const up: Vec3 = [0, 0, 1];
+  const turned = (angle: number): Vec3 => [Math.cos(angle), Math.sin(angle), 0];
+  const walls = even(0, 399, 400).map((i) => turned(0.4 + (Math.PI / 2) * (i % 4) + 0.02 * Math.sin(i)));
+  const clutter = even(0, 299, 300).map((i) => turned(2.4 * i));
+  const found = wallDirection([...walls, ...clutter, ...clutter.map((): Vec3 => [0, 0, 1])], up);
+  assert.ok(found);
+  const off = (Math.atan2(found[1], found[0]) - 0.4) / (Math.PI / 2);
+  assert.ok(Math.abs(off - Math.round(off)) < 0.01, `${off}`);
+  assert.equal(wallDirection(clutter, up), null);
+  assert.equal(wallDirection([], up), null);
+});
+
+test("what is seen is measured without strays", () => {
+  const places = even(-0.5, 0.3, 1000).map((x): [number, number] => [x, x / 2]);
+  const { middle, half } = seenOf([...places, [7, 9], [-8, 3]]);
+  assert.ok(Math.abs(middle[0] + 0.1) < 0.01 && Math.abs(middle[1] + 0.05) < 0.01, `${middle}`);
+  assert.ok(Math.abs(half - 0.4) < 0.01, `${half}`);
 });

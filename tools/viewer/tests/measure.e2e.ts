@@ -116,7 +116,7 @@ test("what a cut takes away is not clicked, nor what lies behind it", async () =
   await page.click("text=Distance");
   await page.evaluate(() => {
     const { viewer } = (window as unknown as Viewed).pmspPage;
-    viewer.state.clip = [0, 1, 0, 1, 0, 0.02];
+    viewer.state.cut = [null, null, null, null, null, viewer.cloud.low[2] + 0.02 * (viewer.cloud.high[2] - viewer.cloud.low[2])];
     viewer.draw();
   });
   await clickAt(page, corner(-1, 0, 0));

@@ -10,6 +10,7 @@ import { execFileSync } from "node:child_process";
 import { cpSync, existsSync, mkdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { PerspectiveCamera, Vector3 } from "three";
+import { noCut } from "../src/cuts";
 import { Cloud } from "../src/cloud";
 import { type ReportData, bytesFromBase64, nodePoints } from "../src/data";
 import { Depths } from "../src/depths";
@@ -122,14 +123,14 @@ function load(at: string, streams: boolean): { data: ReportData; cloud: Cloud; p
     const all = bytes("octree.bin");
     const visit = (node: PotreeNode): void => {
       let cube = cloud.cubes.find((it) => it.level === node.level && norm(sub(it.corner, node.corner)) < 1e-3 * node.side);
-      if (!cube) cloud.cubes.push((cube = cloud.newCube(node.level, node.corner, node.side)));
+      if (!cube) cloud.cubes.push((cube = cloud.octreeCube(node.level, node.corner, node.side)));
       cloud.exchange(cube, potreePoints(tree, node, all.slice(node.first, node.first + node.bytes)));
       node.children.forEach(visit);
     };
     visit(tree.root);
   }
   cloud.measureExtent(data.keyframes.map((k) => sub(k.center, data.origin)));
-  cloud.setLook("photo", 1, [0, 1, 0, 1, 0, 1], false);
+  cloud.setLook("photo", 1, noCut(), false);
   const blocks = new Map([...html.matchAll(/id="pmsp-(depths-[^"]*)">([^<]*)</g)].map((found) => [found[1], found[2]]));
   const photos = data.keyframes.flatMap((keyframe, i): Photo[] => {
     if (!keyframe.depths) return [];

@@ -8,8 +8,8 @@ import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "no
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
-import type { Browser, Page } from "playwright-core";
-import { chromiumPath, openFile, startBrowser } from "./browser";
+import type { Browser } from "playwright-core";
+import { chromiumPath, difference, idle, openFile, startBrowser } from "./browser";
 
 const { PMSP_DENSIFY: densify, PMSP_SYNTH: synth, PMSP_SCREENS: mode } = process.env;
 if (!chromiumPath() || !densify || !synth) {
@@ -39,48 +39,6 @@ after(async () => {
   rmSync(folder, { recursive: true });
 });
 
-interface Difference {
-  mean: number;
-  far: number;
-  size: string;
-}
-
-/**
- * Of means over blocks of 8 x 8 pixels, as shares of full brightness: the mean difference, and the share of blocks that
- * are off by more than a tenth.
- */
-const difference = (page: Page, a: Buffer, b: Buffer): Promise<Difference> =>
-  page.evaluate(
-    async ([a, b]) => {
-      const blocks = async (base64: string): Promise<[number[], string]> => {
-        const image = new Image();
-        image.src = `data:${base64.startsWith("/9j/") ? "image/jpeg" : "image/png"};base64,${base64}`;
-        await image.decode();
-        const canvas = document.createElement("canvas");
-        [canvas.width, canvas.height] = [image.width, image.height];
-        const context = canvas.getContext("2d")!;
-        context.drawImage(image, 0, 0);
-        const { data } = context.getImageData(0, 0, image.width, image.height);
-        const means: number[] = [];
-        for (let y = 0; y + 8 <= image.height; y += 8) {
-          for (let x = 0; x + 8 <= image.width; x += 8) {
-            for (let c = 0; c < 3; ++c) {
-              let sum = 0;
-              for (let i = 0; i < 64; ++i) sum += data[4 * ((y + (i >> 3)) * image.width + x + (i & 7)) + c]!;
-              means.push(sum / 64 / 255);
-            }
-          }
-        }
-        return [means, `${image.width} x ${image.height}`];
-      };
-      const [[one, sizeOne], [other, sizeOther]] = [await blocks(a!), await blocks(b!)];
-      const off = one.map((value, i) => Math.abs(value - (other[i] ?? 1)));
-      const mean = off.reduce((sum, x) => sum + x, 0) / off.length;
-      return { mean, far: off.filter((x) => x > 0.1).length / off.length, size: sizeOne === sizeOther ? "" : `${sizeOne}, not ${sizeOther}` };
-    },
-    [a.toString("base64"), b.toString("base64")],
-  );
-
 const hashes: Record<string, string> = {
   around: "",
   plan: "view=plan&color=height",
@@ -91,11 +49,7 @@ const hashes: Record<string, string> = {
 for (const [name, hash] of Object.entries(hashes)) {
   test(`the picture "${name}" looks as it did`, async () => {
     const { page } = await openFile(browser, report, { hash, width: 640, height: 480 });
-    await page.waitForFunction(() => {
-      const { viewer } = (window as any).pmspPage;
-      return viewer.state.mode !== "keyframe" || viewer.panorama.ready;
-    });
-    await page.waitForTimeout(800);
+    await idle(page);
     const picture = await page.locator("#view").screenshot({ type: "png" });
     const file = join(screens, `${name}.jpg`);
     if (mode === "write") writeFileSync(file, await page.locator("#view").screenshot({ type: "jpeg", quality: 60 }));
@@ -112,7 +66,7 @@ for (const [name, hash] of Object.entries(hashes)) {
 
 test("another colouring is another picture", async () => {
   const { page } = await openFile(browser, report, { hash: "color=normal", width: 640, height: 480 });
-  await page.waitForTimeout(800);
+  await idle(page);
   const off = await difference(page, await page.locator("#view").screenshot({ type: "png" }), readFileSync(join(screens, "around.jpg")));
   assert.ok(off.mean > 0.02 && off.far > 0.03, `mean ${off.mean}, ${off.far} of the blocks`);
   await page.context().close();

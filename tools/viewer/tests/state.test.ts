@@ -11,7 +11,7 @@ test("a view comes back from the address", () => {
   state.target = [0, 0, 0];
   state.keyframe = 7;
   state.fade = 0.25;
-  state.clip = [0.1, 0.9, 0, 1, 0, 0.5];
+  state.cut = [-1.5, 2, null, null, null, 0.5];
   state.measurements.push({
     kind: "distance",
     points: [
@@ -21,6 +21,15 @@ test("a view comes back from the address", () => {
   });
   state.notes.push({ position: [1, 2, 3], text: "door; & <b>50 %</b>" });
   assert.deepEqual(stateFrom(`#${stateText(state)}`), state);
+});
+
+test("a cut of an old address, in shares, comes back as it is", () => {
+  const state = stateFrom("clip=0.1,2,0,1,0,0.5");
+  assert.deepEqual(state.clip, [0.1, 1, 0, 1, 0, 0.5]);
+  assert.deepEqual(stateFrom(stateText(state)), state);
+  assert.ok(state.isAlongPath && stateFrom("axes=path&cut=1,2,,,,").isAlongPath);
+  assert.ok(!stateFrom("clip=0,1,0,1,0,0.5").isAlongPath);
+  assert.deepEqual(stateFrom("cut=1,2,x,,,1e99").cut, [1, 2, null, null, null, null]);
 });
 
 test("nothing in the address means the beginning", () => {
@@ -47,5 +56,5 @@ test("numbers are kept in their bounds", () => {
   assert.equal(state.fade, 1);
   assert.equal(state.size, 5);
   assert.equal(state.keyframe, 4);
-  assert.deepEqual(state.clip, [0, 1, 0, 1, 0, 1]);
+  assert.equal(state.clip, null); // nothing is cut
 });

@@ -8,7 +8,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
-import { chromiumPath, openFile, openPage, startBrowser } from "./browser";
+import { chromiumPath, difference, idle, openFile, openPage, startBrowser } from "./browser";
 import { killAll, start, type Started } from "./program";
 
 const { PMSP_DENSIFY: densify, PMSP_SYNTH: synth } = process.env;
@@ -62,13 +62,8 @@ const streamed = (page: Page): Promise<Streamed> =>
 
 /** Waits until nothing more comes. */
 async function settled(page: Page): Promise<Streamed> {
-  for (let before = -1, same = 0; ; ) {
-    await page.waitForTimeout(400);
-    const now = await streamed(page);
-    same = now.inFlight === 0 && now.loaded === before ? same + 1 : 0;
-    if (same === 3) return now;
-    before = now.loaded;
-  }
+  await idle(page);
+  return streamed(page);
 }
 
 const lookFrom = (page: Page, nearness: number): Promise<void> =>
@@ -80,7 +75,7 @@ const lookFrom = (page: Page, nearness: number): Promise<void> =>
 
 test("from disk the page holds its points and asks for none", async () => {
   const { page, requests, errors } = await openFile(browser, report);
-  await page.waitForTimeout(500);
+  await idle(page);
   assert.deepEqual(requests, []);
   assert.deepEqual(errors, []);
   const [held, stream] = (await page.evaluate(() => {
@@ -113,6 +108,35 @@ test("served, it takes the rest in parts of a file, the more the nearer one come
   assert.deepEqual(requests, []);
   assert.deepEqual(errors, []);
   console.log(`# ${kHeld} points held, ${far.loaded} from outside, ${near.loaded} from near, ${all} in all`);
+  await page.context().close();
+});
+
+test("the picture sharpens as points come, to that of all points", async () => {
+  const { page } = await openPage(browser, `${served.url}#color=height`);
+  const picture = (): Promise<Buffer> => page.locator("#points").screenshot({ type: "png" });
+  let release = (): void => {};
+  const held = new Promise<void>((done) => (release = done));
+  await page.route("**/octree.bin", async (route) => {
+    await held;
+    await route.continue();
+  });
+  await page.reload();
+  await page.waitForSelector('body[data-stream="open"]');
+  await page.waitForFunction(() => (window as any).pmspPage.viewer.frames.isIdle);
+  const coarse = await picture();
+  release();
+  await idle(page);
+  const fine = await picture();
+  await page.evaluate(async () => {
+    const { stream } = (window as any).pmspPage.viewer;
+    for (const it of stream.all) if (!it.isLoaded) await stream.load(it);
+  });
+  await idle(page);
+  const all = await picture();
+  const [before, after] = [await difference(page, coarse, all), await difference(page, fine, all)];
+  console.log(`# mean difference to all points: ${before.mean.toFixed(4)} with the points held, ${after.mean.toFixed(4)} streamed`);
+  assert.ok(after.mean < 0.01, `${after.mean}`);
+  assert.ok(after.mean < 0.5 * before.mean, `${before.mean} ${after.mean}`);
   await page.context().close();
 });
 

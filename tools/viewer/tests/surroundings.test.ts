@@ -2,6 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { PerspectiveCamera, Vector3 } from "three";
+import { noCut } from "../src/cuts";
 import { Cloud } from "../src/cloud";
 import type { Vec3 } from "../src/geometry";
 import { spreadOf } from "../src/measure";
@@ -17,7 +18,7 @@ function cloudOf(points: readonly Vec3[]): Cloud {
   const bytes = (): Uint8Array<ArrayBuffer> => new Uint8Array(4 * points.length);
   const keyframes = new Uint16Array(points.length);
   cloud.fill(0, { count: points.length, positions, colors: bytes(), normalsAndViews: bytes(), keyframes });
-  cloud.setLook("photo", 1, [0, 1, 0, 1, 0, 1], false);
+  cloud.setLook("photo", 1, noCut(), false);
   return cloud;
 }
 
