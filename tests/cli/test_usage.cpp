@@ -42,7 +42,7 @@ TEST_CASE("help and version go to standard output") {
   CHECK(version.code == 0);
   CHECK_THAT(
       version.out,
-      Matches(
+      Catch::Matches(
           "pmsp-densify [0-9.]+ \\((commit [0-9a-f]+\\+?; )?[A-Z][a-zA-Z]+; backends: cpu(, cuda)?; SIMD: .*\\)\n"));
 }
 
