@@ -187,7 +187,7 @@ test("a run is seen from its first second, up to its report at the same address"
   mkdirSync(join(folder, "out"));
   const words = (port: string): string[] => {
     const output = ["-o", join(folder, "o.ply"), "--workspace", join(folder, "own-work"), "--report", report];
-    const live = ["--follow", "--until-idle", "2", "--live-view", port, "--live-token", token, "--live-keep"];
+    const live = ["--follow", "--live-view", port, "--live-token", token, "--live-keep"];
     return ["run", map, "--images", join(own, "images"), ...quick, "--width", "512", "--height", "256", ...output, ...live];
   };
   const first = await start(densify, words("0"));
@@ -219,7 +219,6 @@ test("a run is seen from its first second, up to its report at the same address"
   renameSync(join(own, "later"), map);
   await page.waitForFunction(() => (window as any).log?.order.includes("points"), null, { timeout: 300_000 });
   await page.waitForSelector("text=Open the report", { timeout: 300_000 });
-  await page.waitForSelector('body[data-live="done"]', { timeout: 300_000 });
   const log = (await page.evaluate(() => (window as any).log)) as { order: string[]; shares: number[]; texts: string[] };
   assert.deepEqual([...log.order].sort(), ["landmarks", "photo", "points"]);
   assert.equal(log.order.at(-1), "points", `order: ${log.order}`);
@@ -232,6 +231,7 @@ test("a run is seen from its first second, up to its report at the same address"
   await page.waitForFunction(() => (window as any).pmspPage.viewer.panorama.ready);
   const address = page.url().replace(/#.*/, "");
   await page.click("text=Open the report");
+  await page.waitForURL(/report\/own\.html/);
   await page.waitForSelector('body[data-state="loaded"]');
   assert.ok(page.url().startsWith(`${address}report/own.html`));
   assert.ok((await shown(page)).points > 1000);
