@@ -48,6 +48,7 @@ export async function openPage(
     reducedMotion: "reduce",
   });
   const page = await context.newPage();
+  page.setDefaultTimeout(120_000); // of a busy machine with software rendering
   const requests: string[] = [];
   const errors: string[] = [];
   page.on("request", (request) => {
