@@ -102,7 +102,7 @@ TEST_CASE("depths of a page are right to 0.05 % and keep holes and confidence") 
   }
 }
 
-TEST_CASE("the depth map of a page has at most 1024 columns; one without depth has none") {
+TEST_CASE("the depth map of a page has at most 1024 columns, and one without depth has none") {
   pmsp::DepthMap map;
   map.depth = pmsp::Image<float>(2000, 1000, 1.0F);
   map.confidence = pmsp::Image<float>(2000, 1000, 0.5F);
