@@ -24,9 +24,8 @@ void DepthFigureSums::add_range(double estimate, double truth, double weight) {
 void DepthFigureSums::add_normal(float angle_deg, double weight) { angles_.push_back({angle_deg, weight}); }
 
 DepthFigures DepthFigureSums::result() const {
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   DepthFigures result = sums_;
-  for (const DepthFigure& figure : kDepthFigures) result.*figure.value = kNan;
+  for (const DepthFigure& figure : kDepthFigures) result.*figure.value = std::numeric_limits<double>::quiet_NaN();
   if (weight_ > 0.0) {
     for (std::size_t i = 0; i < kRangeFigures; ++i) {
       double DepthFigures::*const value = kDepthFigures[i].value;
