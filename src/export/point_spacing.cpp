@@ -7,9 +7,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include <nanoflann.hpp>
-
 #include "elementary.h"
+#include "export/point_tree.h"
 
 namespace pmsp {
 namespace {
@@ -17,21 +16,6 @@ namespace {
 constexpr std::size_t kNearest = 8;           ///< beside the point itself
 constexpr std::size_t kPointsPerTask = 4096;  ///< points per task
 
-struct PointSet {
-  const std::vector<Eigen::Vector3f>& points;
-
-  std::size_t kdtree_get_point_count() const { return points.size(); }
-  float kdtree_get_pt(std::uint32_t index, std::size_t axis) const {
-    return points[index][static_cast<Eigen::Index>(axis)];
-  }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
-
-using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointSet, float, std::uint32_t>,
-                                                 PointSet, 3, std::uint32_t>;
 using Neighbours = std::array<std::uint32_t, kNearest + 1>;
 
 template <class Body>
@@ -49,7 +33,7 @@ std::vector<float> point_spacing(const std::vector<Eigen::Vector3f>& positions, 
   std::vector<float> spacing(count, 0.0F);
   if (count < 2) return spacing;
   const PointSet set{positions};
-  const Tree tree(3, set, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+  const PointTree tree(3, set, nanoflann::KDTreeSingleIndexAdaptorParams(16));
   std::vector<Neighbours> neighbours(count);
   each_share(count, pool, [&](std::size_t i) {
     std::array<float, kNearest + 1> squared{};

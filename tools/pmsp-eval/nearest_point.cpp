@@ -4,23 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include <nanoflann.hpp>
+#include "export/point_tree.h"
 
 namespace pmsp::eval {
 namespace {
-
-struct PointSet {
-  const std::vector<Eigen::Vector3f>& points;
-
-  std::size_t kdtree_get_point_count() const { return points.size(); }
-  float kdtree_get_pt(std::uint32_t index, std::size_t axis) const {
-    return points[index][static_cast<Eigen::Index>(axis)];
-  }
-  template <class Box>
-  bool kdtree_get_bbox(Box&) const {
-    return false;
-  }
-};
 
 /// nanoflann's result set for one neighbour inside a given radius.
 // NOLINTBEGIN(readability-identifier-naming): names required by nanoflann
@@ -51,8 +38,6 @@ class NearestOne {
 };
 // NOLINTEND(readability-identifier-naming)
 
-using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointSet, float, std::uint32_t>,
-                                                 PointSet, 3, std::uint32_t>;
 constexpr std::size_t kLeafSize = 16;
 
 }  // namespace
@@ -62,7 +47,7 @@ struct NearestPoint::Impl {
       : set{points}, tree(3, set, nanoflann::KDTreeSingleIndexAdaptorParams(kLeafSize)) {}
 
   PointSet set;
-  Tree tree;
+  PointTree tree;
 };
 
 NearestPoint::NearestPoint(const std::vector<Eigen::Vector3f>& points) : impl_(std::make_unique<Impl>(points)) {}

@@ -3,8 +3,8 @@
 import { add, cross, dot, norm, sub, thinnest, times, unit, type Vec3 } from "./geometry";
 
 export type Kind = "distance" | "height" | "angle" | "area";
-/** What is told of a distance or a height besides its value: its part across `up`. */
-type Told = Kind | "horizontal";
+/** Quantity of a measurement; horizontal: part of a distance or height across `up`. */
+type Quantity = Kind | "horizontal";
 
 /** Points that a measurement takes; an area takes any number from three. */
 export const pointsOf: Record<Kind, number> = { distance: 2, height: 2, angle: 3, area: 3 };
@@ -123,7 +123,7 @@ export function covarianceOf(point: Picked, camera: Vec3 | null, reach: number):
 }
 
 /** In degrees for an angle, square units for an area. */
-export function valueOf(kind: Told, points: readonly Vec3[], up: Vec3): number {
+export function valueOf(kind: Quantity, points: readonly Vec3[], up: Vec3): number {
   const [a, b, c] = points;
   if (!a || !b) return 0;
   if (kind === "distance") return norm(sub(b, a));
@@ -143,7 +143,7 @@ export function valueOf(kind: Told, points: readonly Vec3[], up: Vec3): number {
 }
 
 /** What 95 % of such measurements are off by less than, to first order, if the points' errors have nothing in common. */
-export function errorOf(kind: Told, points: readonly Vec3[], covariances: readonly Covariance[], up: Vec3): number {
+export function errorOf(kind: Quantity, points: readonly Vec3[], covariances: readonly Covariance[], up: Vec3): number {
   const center = times(
     points.reduce((sum, p) => add(sum, p), [0, 0, 0] as Vec3),
     1 / Math.max(points.length, 1),
@@ -197,7 +197,7 @@ export interface Result extends Valued {
   parts?: { horizontal: Valued; vertical: Valued };
 }
 
-/** What a measurement needs to know. `camera`: where that of a keyframe stood; null = nobody knows. */
+/** Context of a measurement. `camera`: position of a keyframe's camera; null = unknown. */
 export interface About {
   up: Vec3;
   scale: Scale;
@@ -210,14 +210,14 @@ export function resultOf(it: { kind: Kind; points: Picked[] }, about: About): Re
   const places = it.points.map((p) => p.position);
   const covariances = it.points.map((p) => covarianceOf(p, about.camera(p.keyframe), about.reach));
   const { factor, relativeError, unit } = about.scale;
-  const told = (kind: Told): Valued => {
+  const valued = (kind: Quantity): Valued => {
     const power = kind === "angle" ? 0 : kind === "area" ? 2 : 1;
     const value = valueOf(kind, places, about.up);
     const error = Math.hypot(errorOf(kind, places, covariances, about.up), power * relativeError * value);
     return { value: factor ** power * value, error: factor ** power * error };
   };
-  const whole = told(it.kind);
+  const whole = valued(it.kind);
   const result = { ...whole, text: measureText(it.kind, whole.value, whole.error, unit) };
   if (it.kind !== "distance" && it.kind !== "height") return result;
-  return { ...result, parts: { horizontal: told("horizontal"), vertical: told("height") } };
+  return { ...result, parts: { horizontal: valued("horizontal"), vertical: valued("height") } };
 }
