@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <iterator>
+#include <string>
 #include <vector>
 
 #include <zlib.h>
@@ -9,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/command.h"
+#include "export/little_endian.h"
 #include "page_depth.h"
 #include "report_page.h"
 #include "web/page.h"
@@ -24,6 +29,27 @@ const std::string kBegin = "<script type=\"application/json\" id=\"pmsp-data\">"
 ordered_json data_of(const std::string& page) {
   const std::size_t begin = page.find(kBegin) + kBegin.size();
   return ordered_json::parse(page.substr(begin, page.find("</script>", begin) - begin));
+}
+
+struct Depths {
+  std::uint32_t width = 0, height = 0;
+  double least = 0.0;
+  std::vector<unsigned char> planes;
+};
+
+/// Reads what page_depth wrote.
+Depths depths_from(const std::string& bytes) {
+  REQUIRE(bytes.size() > 16);
+  Depths depths{pmsp::get_little<std::uint32_t>(bytes.data()),
+                pmsp::get_little<std::uint32_t>(bytes.data() + 4),
+                pmsp::get_little<double>(bytes.data() + 8),
+                {}};
+  depths.planes.resize(std::size_t{3} * depths.width * depths.height);
+  uLongf length = depths.planes.size();
+  REQUIRE(::uncompress(depths.planes.data(), &length, reinterpret_cast<const Bytef*>(bytes.data() + 16),
+                       static_cast<uLong>(bytes.size() - 16)) == Z_OK);
+  REQUIRE(length == depths.planes.size());
+  return depths;
 }
 
 }  // namespace
@@ -51,10 +77,7 @@ TEST_CASE("a report contains the command and the points") {
     if (keyframe.contains("panorama")) {
       ++panoramas;
       CHECK_THAT(page, Contains("id=\"pmsp-" + keyframe["panorama"].get<std::string>() + "\">/9j/"));  // JPEG
-      const ordered_json& depths = keyframe.at("depths");
-      CHECK(depths["width"] == stats["options"]["width"]);
-      CHECK(depths["least"].get<double>() <= 1.01 * keyframe["strip"]["near"].get<double>());
-      CHECK_THAT(page, Contains("id=\"pmsp-" + depths["name"].get<std::string>() + "\">eN"));  // zlib
+      CHECK_THAT(page, Contains("id=\"pmsp-" + keyframe.at("depths").get<std::string>() + "\">"));
     }
     if (!keyframe.contains("strip")) continue;
     ++strips;
@@ -81,14 +104,10 @@ TEST_CASE("depths of a page are right to 0.05 % and keep holes and confidence") 
     map.depth(i % 6, i / 6) = 0.3F * std::pow(3.0F, static_cast<float>(i * 7 % 11));
     map.confidence(i % 6, i / 6) = static_cast<float>(i % 4) / 3.0F;
   }
-  const pmsp::tool::PageDepth page = pmsp::tool::page_depth(map, 2.0);
-  REQUIRE(page.width == 6);
-  REQUIRE(page.height == 3);
-  std::vector<unsigned char> planes(54);
-  uLongf length = planes.size();
-  REQUIRE(::uncompress(planes.data(), &length, reinterpret_cast<const Bytef*>(page.bytes.data()),
-                       static_cast<uLong>(page.bytes.size())) == Z_OK);
-  REQUIRE(length == planes.size());
+  const Depths depths = depths_from(pmsp::tool::page_depth(map.depth.view(), map.confidence.view(), 2.0));
+  REQUIRE(depths.width == 6);
+  REQUIRE(depths.height == 3);
+  const std::vector<unsigned char>& planes = depths.planes;
   int code = 0;
   for (std::size_t i = 0; i < 18; ++i) {
     const float depth = map.depth.pixels()[i];
@@ -96,21 +115,20 @@ TEST_CASE("depths of a page are right to 0.05 % and keep holes and confidence") 
     if (depth <= 0.0F) continue;
     const int folded = planes[i] + 256 * planes[18 + i];
     code += folded % 2 == 0 ? folded / 2 : -(folded + 1) / 2;
-    CHECK(page.least * std::exp(code / 1024.0) == Approx(2.0 * static_cast<double>(depth)).epsilon(5.1e-4));
+    CHECK(depths.least * std::exp(code / 1024.0) == Approx(2.0 * static_cast<double>(depth)).epsilon(5.1e-4));
     const double root = std::sqrt(static_cast<double>(map.confidence.pixels()[i]));
     CHECK(planes[36 + i] == Approx(15.0 * root).margin(1.0));
   }
 }
 
 TEST_CASE("the depth map of a page has at most 1024 columns, and one without depth has none") {
-  pmsp::DepthMap map;
-  map.depth = pmsp::Image<float>(2000, 1000, 1.0F);
-  map.confidence = pmsp::Image<float>(2000, 1000, 0.5F);
-  CHECK(pmsp::tool::page_depth(map, 1.0).width == 1024);
-  CHECK(pmsp::tool::page_depth(map, 1.0).height == 512);
-  map.depth = pmsp::Image<float>(8, 4, 0.0F);
-  map.confidence = pmsp::Image<float>(8, 4, 0.0F);
-  CHECK(pmsp::tool::page_depth(map, 1.0).least == 0.0);
+  const auto packed = [](int width, float depth) {
+    const pmsp::Image<float> depths(width, width / 2, depth), confidences(width, width / 2, 0.5F);
+    return pmsp::tool::page_depth(depths.view(), confidences.view(), 1.0);
+  };
+  CHECK(depths_from(packed(2000, 1.0F)).width == 1024);
+  CHECK(depths_from(packed(2000, 1.0F)).height == 512);
+  CHECK(packed(8, 0.0F).empty());
 }
 
 TEST_CASE("a report of a workspace covers the whole mission") {
@@ -131,12 +149,12 @@ TEST_CASE("a report of a workspace covers the whole mission") {
   }
 }
 
-TEST_CASE("photos of all keyframes are written beside a report, and kept by a later run of a workspace") {
+TEST_CASE("photos and depth maps of all keyframes are beside a report, photos kept by a later run of a workspace") {
   if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
+  const std::filesystem::path photos = dir / "of it" / "photos";
   const auto report = [&](const std::vector<std::string>& more) {
-    std::vector<std::string> words{"--report", (dir / "r.html").string(), "--report-photos",
-                                   (dir / "of it" / "photos").string()};
+    std::vector<std::string> words{"--report", (dir / "r.html").string(), "--report-photos", photos.string()};
     words.insert(words.end(), more.begin(), more.end());
     const Result result = densify(quick_run(dir / "c.ply", words));
     INFO(result.err);
@@ -147,16 +165,27 @@ TEST_CASE("photos of all keyframes are written beside a report, and kept by a la
     CHECK_THAT(page, Contains("img-src 'self' data:") && Contains("connect-src 'self'"));
     const ordered_json data = data_of(page);
     CHECK(data["keyframes"].size() > 3);
+    std::ptrdiff_t files = 0;
     for (const ordered_json& keyframe : data["keyframes"]) {
-      if (!all && keyframe["use"] != "depth map") continue;  // whose image is not read
-      const std::string id = std::to_string(keyframe["id"].get<std::int64_t>());
-      CHECK(keyframe["photo"] == "./of%20it/photos/" + id + ".jpg");
-      CHECK(read_text(dir / "of it" / "photos" / (id + ".jpg")).substr(0, 2) == "\xff\xd8");
+      const bool has_depth = keyframe["use"] == "depth map";
+      if (!all && !has_depth) continue;  // whose image is not read
+      const std::string id = std::to_string(keyframe["id"].get<std::int64_t>()), folder = "./of%20it/photos/";
+      CHECK(keyframe["photo"] == folder + id + ".jpg");
+      CHECK(read_text(photos / (id + ".jpg")).substr(0, 2) == "\xff\xd8");
+      files += has_depth ? 2 : 1;
+      CHECK(keyframe.contains("photo_depths") == has_depth);
+      if (!has_depth) continue;
+      CHECK(keyframe["photo_depths"] == folder + id + ".depth");
+      const Depths depths = depths_from(read_text(photos / (id + ".depth")));
+      CHECK(depths.width == 128);
+      CHECK(depths.least == Approx(keyframe["strip"]["near"].get<double>()).epsilon(0.5));
     }
+    const std::filesystem::directory_iterator entries(photos);
+    CHECK(std::distance(begin(entries), end(entries)) == files);
   };
   std::filesystem::create_directory(dir / "of it");
   check(report({"--workspace", (dir / "work").string()}), false);
-  check(report({"--workspace", (dir / "work").string(), "--force"}), false);
+  check(report({"--workspace", (dir / "work").string(), "--force", "--scale", "2"}), false);
   check(report({"--force"}), true);
 }
 

@@ -7,6 +7,7 @@
 
 #include <zlib.h>
 
+#include "export/little_endian.h"
 #include "pmsp/error.h"
 
 namespace pmsp::tool {
@@ -29,37 +30,39 @@ std::string deflated(const std::string& bytes) {
 
 }  // namespace
 
-PageDepth page_depth(const DepthMap& map, double scale) {
-  const int columns = map.depth.width(), rows = map.depth.height();
-  PageDepth page;
-  if (columns == 0) return page;
-  page.width = std::min(columns, kMostColumns);
-  page.height = std::max(1, rows * page.width / columns);
+std::string page_depth(ImageView<const float> depths, ImageView<const float> confidences, double scale) {
+  const int columns = depths.width, rows = depths.height;
   float least = 0.0F;
-  for (const float depth : map.depth.pixels()) {
-    if (depth > 0.0F && (least == 0.0F || depth < least)) least = depth;
+  for (int y = 0; y < rows; ++y) {
+    for (int x = 0; x < columns; ++x) {
+      if (const float depth = depths(x, y); depth > 0.0F && (least == 0.0F || depth < least)) least = depth;
+    }
   }
-  page.least = static_cast<double>(least) * scale;
-  const std::size_t count = static_cast<std::size_t>(page.width) * static_cast<std::size_t>(page.height);
+  if (!(least > 0.0F)) return {};
+  const int width = std::min(columns, kMostColumns), height = std::max(1, rows * width / columns);
+  const std::size_t count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   std::string planes(3 * count, '\0');
   int previous = 0;
   for (std::size_t i = 0; i < count; ++i) {
-    const int x = static_cast<int>(i) % page.width, y = static_cast<int>(i) / page.width;
-    const int column = (2 * x + 1) * columns / (2 * page.width), row = (2 * y + 1) * rows / (2 * page.height);
-    const float depth = map.depth(column, row);
+    const int x = static_cast<int>(i) % width, y = static_cast<int>(i) / width;
+    const int column = (2 * x + 1) * columns / (2 * width), row = (2 * y + 1) * rows / (2 * height);
+    const float depth = depths(column, row);
     if (!(depth > 0.0F)) continue;
     const double code = std::round(kCodesPerUnit * std::log(static_cast<double>(depth) / static_cast<double>(least)));
     const int current = static_cast<int>(std::clamp(code, 0.0, kMostCode));
     const int difference = current - previous;
     const auto folded = static_cast<unsigned>(difference >= 0 ? 2 * difference : -2 * difference - 1);
     previous = current;
-    const double root = std::sqrt(static_cast<double>(map.confidence(column, row)));
+    const double root = std::sqrt(static_cast<double>(confidences(column, row)));
     planes[i] = static_cast<char>(folded & 255U);
     planes[count + i] = static_cast<char>(folded >> 8U);
     planes[2 * count + i] = static_cast<char>(std::clamp(std::lround(15.0 * root), 1L, 15L));
   }
-  page.bytes = deflated(planes);
-  return page;
+  std::string bytes;
+  append_little(bytes, static_cast<std::uint32_t>(width));
+  append_little(bytes, static_cast<std::uint32_t>(height));
+  append_little(bytes, static_cast<double>(least) * scale);
+  return bytes + deflated(planes);
 }
 
 }  // namespace pmsp::tool

@@ -197,9 +197,10 @@ void add_report_options(CLI::App& app, ReportArguments& a) {
       ->type_name("FILE")
       ->group(group);
   add_points_option(app, "--report-points", a);
-  app.add_option("--report-photos", a.photos,
-                 "Directory for a photo of each keyframe (JPEG, at most 2048 pixels wide), which the page loads when "
-                 "served; below the directory of the page")
+  app.add_option(
+         "--report-photos", a.photos,
+         "Directory for a photo of each keyframe (JPEG, at most 2048 pixels wide) and its depth map, which the page "
+         "loads when served; below the directory of the page")
       ->type_name("DIR")
       ->group(group);
   app.add_option_function<std::string>(

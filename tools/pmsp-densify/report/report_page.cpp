@@ -11,6 +11,7 @@
 #include "io/image_decode.h"
 #include "mission_input.h"
 #include "numbers.h"
+#include "page_depth.h"
 #include "pictures.h"
 #include "progress.h"
 #include "web/page.h"
@@ -255,7 +256,8 @@ void ReportPage::add_depth(const DepthMap& map) {
   it.coverage = std::min(1.0, picture.coverage / std::max(it.unmasked, 1e-9));
   it.mean_confidence = picture.mean_confidence;
   depth_width_ = map.depth.width();
-  if (!it.panorama.empty()) it.depths = page_depth(map, scale);
+  if (!it.panorama.empty()) it.depths = page_depth(map.depth.view(), map.confidence.view(), scale);
+  if (photos_) photos_->add_depth(map, scale);
   if (!it.image.empty()) {
     const cv::Size size(kStripWidth, kStripWidth / 2);
     cv::Mat small;
@@ -309,8 +311,12 @@ Json ReportPage::keyframes_json(const Json& stats) const {
       json["reason"] = words_for(json["use"]);
     }
     if (photos_ && photos_->contains(keyframe->id)) {
-      const std::filesystem::path photo = path_beside(arguments_.path, arguments_.photos) / photo_name(keyframe->id);
-      json["photo"] = web::relative_address(photo.generic_string());
+      const std::filesystem::path folder = path_beside(arguments_.path, arguments_.photos);
+      const auto address = [&](const std::string& name) {
+        return web::relative_address((folder / name).generic_string());
+      };
+      json["photo"] = address(photo_name(keyframe->id));
+      if (photos_->has_depth(keyframe->id)) json["photo_depths"] = address(depth_name(keyframe->id));
     }
     const auto found = pictures_.find(keyframe->id);
     if (found != pictures_.end()) {
@@ -326,10 +332,7 @@ Json ReportPage::keyframes_json(const Json& stats) const {
         }
       }
       if (!it.panorama.empty()) json["panorama"] = "panorama" + name;
-      if (const PageDepth& depths = it.depths; depths.least > 0.0) {
-        json["depths"] = {
-            {"name", "depths" + name}, {"width", depths.width}, {"height", depths.height}, {"least", depths.least}};
-      }
+      if (!it.depths.empty()) json["depths"] = "depths" + name;
     }
     keyframes.push_back(std::move(json));
   }
@@ -447,7 +450,7 @@ void ReportPage::write(const Json& stats) {
   for (const auto& [id, it] : pictures_) {
     const std::string name = "-" + std::to_string(id);
     if (!it.panorama.empty()) put(file_, "panorama" + name, it.panorama);
-    if (it.depths.least > 0.0) put(file_, "depths" + name, it.depths.bytes);
+    if (!it.depths.empty()) put(file_, "depths" + name, it.depths);
     if (!it.has_depth || it.image.empty()) continue;
     put(file_, "image" + name, it.image);
     put(file_, "depth" + name, it.depth);

@@ -13,7 +13,6 @@
 #include "arguments.h"
 #include "export/files.h"
 #include "export/page_cloud.h"
-#include "page_depth.h"
 #include "plan/plan.h"
 #include "pmsp/io/cloud.h"
 #include "pmsp/io/images.h"
@@ -78,7 +77,7 @@ class ReportPage {
  private:
   struct Jpegs {
     std::string image, depth, confidence, panorama;
-    PageDepth depths;  ///< of those with a panorama
+    std::string depths;  ///< see page_depth; of those with a panorama
     double near = 0.0, far = 0.0, coverage = 0.0, mean_confidence = 0.0;
     double unmasked = 1.0;  ///< share of pixels
     bool has_depth = false;

@@ -10,6 +10,7 @@
 
 #include "export/files.h"
 #include "io/image_decode.h"
+#include "page_depth.h"
 #include "pictures.h"
 #include "util/number_from.h"
 
@@ -21,6 +22,7 @@ namespace fs = std::filesystem;
 constexpr int kQuality = 85;
 constexpr std::size_t kMaxWriting = 4;
 constexpr const char* kExtension = ".jpg";
+constexpr const char* kDepthExtension = ".depth";
 
 std::string jpeg_of(const cv::Mat& picture) {
   const std::vector<unsigned char> bytes =
@@ -41,6 +43,7 @@ fs::path path_beside(const fs::path& page, const fs::path& place) {
 }
 
 std::string photo_name(std::int64_t keyframe_id) { return std::to_string(keyframe_id) + kExtension; }
+std::string depth_name(std::int64_t keyframe_id) { return std::to_string(keyframe_id) + kDepthExtension; }
 
 std::string photo_of(ImageView<const Rgb> image) { return jpeg_of(picture_of(image, kPhotoWidth)); }
 
@@ -49,14 +52,24 @@ ReportPhotos::~ReportPhotos() {
 }
 
 void ReportPhotos::add(std::int64_t keyframe_id, ImageView<const Rgb> image) {
+  auto picture = std::make_shared<const cv::Mat>(picture_of(image, kPhotoWidth));
+  write_later(photo_name(keyframe_id), [picture = std::move(picture)] { return jpeg_of(*picture); });
+  ids_.insert(keyframe_id);
+}
+
+void ReportPhotos::add_depth(const DepthMap& map, double scale) {
+  auto images = std::make_shared<const std::pair<Image<float>, Image<float>>>(map.depth, map.confidence);
+  write_later(depth_name(map.keyframe_id), [images = std::move(images), scale] {
+    return page_depth(images->first.view(), images->second.view(), scale);
+  });
+  depths_.insert(map.keyframe_id);
+}
+
+void ReportPhotos::write_later(const std::string& name, std::function<std::string()> encode) {
   if (!folder_) folder_.emplace(target_, is_photo_file, ".part-photos");
   if (writing_.size() >= kMaxWriting) finish_one();
-  auto picture = std::make_shared<const cv::Mat>(picture_of(image, kPhotoWidth));
-  writing_.push_back(
-      std::async(std::launch::async, [picture = std::move(picture), path = *folder_ / photo_name(keyframe_id)] {
-        write_file(path, jpeg_of(*picture));
-      }));
-  ids_.insert(keyframe_id);
+  writing_.push_back(std::async(std::launch::async,
+                                [encode = std::move(encode), path = *folder_ / name] { write_file(path, encode()); }));
 }
 
 void ReportPhotos::keep_previous(const std::vector<std::int64_t>& keyframe_ids) {
@@ -85,7 +98,8 @@ void ReportPhotos::commit() {
 
 bool is_photo_file(const std::string& name) {
   const fs::path path(name);
-  return path.extension() == kExtension && number_from<std::int64_t>(path.stem().string()).has_value();
+  const bool is_ours = path.extension() == kExtension || path.extension() == kDepthExtension;
+  return is_ours && number_from<std::int64_t>(path.stem().string()).has_value();
 }
 
 }  // namespace pmsp::tool

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <future>
 #include <optional>
 #include <set>
@@ -25,14 +26,15 @@ constexpr int kPhotoWidth = 2048;
 /// Returns an image as JPEG, at most kPhotoWidth wide. Throws OutputError.
 std::string photo_of(ImageView<const Rgb> image);
 
-/// Returns the file name of a keyframe's photo.
+/// Return the names of a keyframe's files.
 std::string photo_name(std::int64_t keyframe_id);
+std::string depth_name(std::int64_t keyframe_id);
 
-/// Directory with a photo of each keyframe, from which a report loads them when served. JPEGs are encoded on
-/// other threads, at most 4 at a time; their errors are thrown by a later call.
+/// Directory with photo and depth map (see page_depth) of each keyframe, from which a report loads them when served.
+/// Files are encoded on other threads, at most 4 at a time; their errors are thrown by a later call.
 class ReportPhotos {
  public:
-  /// The directory is created by the first photo.
+  /// The directory is created by the first file.
   explicit ReportPhotos(std::filesystem::path folder) : target_(std::move(folder)) {}
   ~ReportPhotos();
   ReportPhotos(const ReportPhotos&) = delete;
@@ -40,19 +42,23 @@ class ReportPhotos {
 
   /// Throws OutputError.
   void add(std::int64_t keyframe_id, ImageView<const Rgb> image);
+  /// `scale`: the depths' unit in units of the page. Throws OutputError.
+  void add_depth(const DepthMap& map, double scale);
   /// Keeps the photos of these keyframes from a previous run, except those added in this one. Throws OutputError.
   void keep_previous(const std::vector<std::int64_t>& keyframe_ids);
   bool contains(std::int64_t keyframe_id) const { return ids_.count(keyframe_id) > 0; }
+  bool has_depth(std::int64_t keyframe_id) const { return depths_.count(keyframe_id) > 0; }
 
   /// Moves the directory to its final name. Throws OutputError.
   void commit();
 
  private:
+  void write_later(const std::string& name, std::function<std::string()> encode);
   void finish_one();
 
   const std::filesystem::path target_;
   std::optional<AtomicFolder> folder_;
-  std::set<std::int64_t> ids_;
+  std::set<std::int64_t> ids_, depths_;
   std::deque<std::future<void>> writing_;  ///< last member, since it uses the others
 };
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // The photo that sees a point best: near, facing the surface, and with nothing in front.
 import type { Photo } from "./photo_pick";
-import { type Vec3, dot, norm, sub, toCamera, unit } from "./geometry";
+import { type Pose, type Vec3, dot, norm, sub, toCamera, unit } from "./geometry";
 
 /** Relative difference of depths at which a photo shows something else. */
 const kSame = 0.03;
@@ -29,19 +29,24 @@ export function sees(photo: Photo, position: Vec3): boolean {
 }
 
 /** How well: pixels per length of the surface. `normal`: null = unknown. */
-export function sharpness(photo: Photo, position: Vec3, normal: Vec3 | null): number {
-  const ray = sub(position, photo.pose.center);
+export function sharpness(pose: Pose, position: Vec3, normal: Vec3 | null): number {
+  const ray = sub(position, pose.center);
   const facing = normal ? Math.abs(dot(unit(ray), normal)) : 1;
   return Math.max(facing, kFlattest) / Math.max(norm(ray), 1e-12);
 }
 
-/** null = no photo sees the point. */
-export function bestPhoto(photos: readonly Photo[], position: Vec3, normal: Vec3 | null): Photo | null {
-  let best: Photo | null = null;
-  let most = 0;
-  for (const photo of photos) {
-    const value = sharpness(photo, position, normal);
-    if (value > most && sees(photo, position)) [most, best] = [value, photo];
+/** A photo that may have to be fetched. */
+export interface View {
+  pose: Pose;
+  open: () => Promise<Photo | null>;
+}
+
+/** Opens photos, sharp ones first, until one sees the point; null = none does. */
+export async function bestPhoto(views: readonly View[], position: Vec3, normal: Vec3 | null): Promise<Photo | null> {
+  const ranked = views.map((view) => ({ view, value: sharpness(view.pose, position, normal) }));
+  for (const { view } of ranked.sort((a, b) => b.value - a.value)) {
+    const photo = await view.open();
+    if (photo && sees(photo, position)) return photo;
   }
-  return best;
+  return null;
 }

@@ -10,14 +10,6 @@ export interface NodeData {
   points: number;
 }
 
-/** Depth map of a keyframe with a photo. */
-export interface DepthsData {
-  name: string;
-  width: number;
-  height: number;
-  least: number;
-}
-
 export interface KeyframeData extends Pose {
   /** In a live page a text, since numbers above 2^53 are rounded. */
   id: number | string;
@@ -32,7 +24,9 @@ export interface KeyframeData extends Pose {
   panorama?: string;
   /** Address of a photo, relative to the page; only where it is served. */
   photo?: string;
-  depths?: DepthsData;
+  /** Of the depth map with the panorama, and with the photo. */
+  depths?: string;
+  photo_depths?: string;
   strip?: { image?: string; depth?: string; confidence?: string; near?: number; far?: number };
 }
 

@@ -1,27 +1,30 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Depth maps of the keyframes with a photo; tools/pmsp-densify/report/page_depth.h has their layout.
+// Depth maps of keyframes; tools/pmsp-densify/report/page_depth.h has their layout.
 import { unzlibSync } from "fflate";
-import { type DepthsData, blockText, bytesFromBase64 } from "./data";
 import { type Vec3, panoramaPlace, times } from "./geometry";
 
 const kCodesPerUnit = 1024;
+const kHeaderBytes = 16;
+const kMostPixels = 2 ** 20;
 
 export class Depths {
   /** Angle of a pixel [rad]. */
   readonly pixel: number;
+  readonly width: number;
+  readonly height: number;
   private readonly depths: Float32Array;
   private readonly confidences: Uint8Array;
 
-  /** `bytes`: as stored. Throws where they are not a depth map of that size. */
-  constructor(
-    readonly width: number,
-    readonly height: number,
-    least: number,
-    bytes: Uint8Array,
-  ) {
+  /** `bytes`: as stored. Throws where they are not a depth map. */
+  constructor(bytes: Uint8Array) {
+    const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+    const header = bytes.length > kHeaderBytes ? [view.getUint32(0, true), view.getUint32(4, true), view.getFloat64(8, true)] : [];
+    const [width = 0, height = 0, least = 0] = header;
     const count = width * height;
-    const planes = unzlibSync(bytes, { out: new Uint8Array(3 * count) });
-    if (!(count > 0) || planes.length !== 3 * count) throw new Error("a depth map of the page is damaged");
+    if (!(count > 0 && count <= kMostPixels && least > 0)) throw new Error("a depth map is damaged");
+    const planes = unzlibSync(bytes.subarray(kHeaderBytes), { out: new Uint8Array(3 * count) });
+    if (planes.length !== 3 * count) throw new Error("a depth map is damaged");
+    [this.width, this.height] = [width, height];
     this.pixel = (2 * Math.PI) / width;
     this.depths = new Float32Array(count);
     this.confidences = planes.subarray(2 * count);
@@ -82,22 +85,4 @@ export const lensOf = (ray: Vec3, lensDistance: number): Vec3 => [0, 0, (ray[2] 
 export function placeAt(ray: Vec3, depth: number, lensDistance: number): Vec3 {
   const along = times(ray, depth);
   return lensDistance === 0 ? along : [along[0], along[1], along[2] + lensOf(ray, lensDistance)[2]];
-}
-
-/** Depth maps of a page, read when they are first needed. */
-export class DepthsOfPage {
-  private readonly read = new Map<string, Depths | null>();
-
-  constructor(private readonly document: Document) {}
-
-  /** null = the page has none. */
-  of(data: DepthsData | undefined): Depths | null {
-    if (!data) return null;
-    const known = this.read.get(data.name);
-    if (known !== undefined) return known;
-    const text = blockText(this.document, data.name);
-    const made = text === "" ? null : new Depths(data.width, data.height, data.least, bytesFromBase64(text));
-    this.read.set(data.name, made);
-    return made;
-  }
 }

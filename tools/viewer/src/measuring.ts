@@ -31,6 +31,8 @@ export class Measuring {
   private readonly toolButtons = new Map<Tool, HTMLButtonElement>();
   private tool: Tool | null = null;
   private readonly undone: Kept[] = [];
+  /** For a photo, the last one. */
+  private request: object = {};
   private lastClick: { x: number; y: number; view: string } | null = null;
 
   /** `changed`: there is another measurement or note, or another tool is chosen. */
@@ -168,9 +170,12 @@ export class Measuring {
   }
 
   /** Opens the photo that sees a place best. Default: the last point. */
-  showBestPhoto(place: Vec3 | undefined = this.lastPoint): void {
+  async showBestPhoto(place: Vec3 | undefined = this.lastPoint): Promise<void> {
     if (!place) return this.say("Take a point first.");
-    const which = this.picking.bestPhoto(place);
+    this.say("Looking for the photo…");
+    const request = (this.request = {});
+    const which = await this.picking.bestPhoto(place);
+    if (this.request !== request) return; // another one is wanted meanwhile
     const keyframe = which === null ? undefined : this.viewer.data.keyframes[which];
     if (which === null || !keyframe) return this.say("No photo of this page sees that point.");
     this.openPhoto(which, sub(place, this.viewer.centerOf(keyframe)));
@@ -182,6 +187,7 @@ export class Measuring {
   }
 
   refresh(): void {
+    this.picking.prepare();
     for (const [tool, made] of this.toolButtons) made.setAttribute("aria-pressed", String(tool === this.tool));
   }
 }

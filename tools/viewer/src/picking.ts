@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // What a click takes: in a photo the surface that this keyframe saw there, else a point of the cloud; snapped or not.
-import { bestPhoto } from "./best_photo";
-import { DepthsOfPage } from "./depths";
+import { type View, bestPhoto } from "./best_photo";
+import type { Depths } from "./depths";
 import { type Vec3, thinnest } from "./geometry";
+import { KeyframeDepths } from "./keyframe_depths";
 import { type Picked, kFewPoints, kRadiusPixels, spreadOnPlanes } from "./measure";
+import { hasPhoto } from "./panorama";
 import { type Photo, pickedInPhoto, placesInPhoto } from "./photo_pick";
 import { type SnapKind, kSnapPixels, snapped } from "./snap";
 import { pixelAt, pointsWithin, rayThrough } from "./surroundings";
@@ -20,14 +22,25 @@ export type Refusal = string;
 export class Picking {
   /** Whether points snap to planes, edges and corners. */
   snaps = true;
-  private readonly depths = new DepthsOfPage(document);
+  private readonly depths: KeyframeDepths;
 
-  constructor(private readonly viewer: Viewer) {}
+  constructor(private readonly viewer: Viewer) {
+    this.depths = new KeyframeDepths(() => viewer.data.keyframes);
+  }
 
-  /** null = the keyframe has no photo, or no depth map. */
-  private photoOf(which: number): Photo | null {
+  /** Of the photo that is shown, which may have to be fetched. */
+  private get shownDepths(): Depths | null | Promise<Depths | null> {
+    const { data, state } = this.viewer;
+    return state.mode === "keyframe" && hasPhoto(data.keyframes[state.keyframe]) ? this.depths.of(state.keyframe) : null;
+  }
+
+  /** The view has changed: fetches what a click in it needs. */
+  prepare(): void {
+    void this.shownDepths;
+  }
+
+  private photoOf(which: number, depths: Depths | null): Photo | null {
     const keyframe = this.viewer.data.keyframes[which];
-    const depths = keyframe?.panorama ? this.depths.of(keyframe.depths) : null;
     if (!keyframe || !depths) return null;
     const pose = { center: this.viewer.centerOf(keyframe), rotation: keyframe.rotation };
     return { depths, pose, keyframe: which, lensDistance: this.viewer.data.lens_distance ?? 0 };
@@ -39,7 +52,9 @@ export class Picking {
     const camera = viewer.cameras.current;
     camera.updateMatrixWorld();
     const { along } = rayThrough(camera, (2 * x) / viewer.canvas.clientWidth - 1, 1 - (2 * y) / viewer.canvas.clientHeight);
-    const photo = viewer.state.mode === "keyframe" ? this.photoOf(viewer.state.keyframe) : null;
+    const depths = this.shownDepths;
+    if (depths instanceof Promise) return "The depth of this photo is still loading; click again in a moment.";
+    const photo = this.photoOf(viewer.state.keyframe, depths);
     const found = photo ? pickedInPhoto(photo, along) : viewer.pick(x, y);
     if (!found) return "There is no point here.";
     if (typeof found === "string") return found;
@@ -56,11 +71,15 @@ export class Picking {
   }
 
   /** The keyframe whose photo sees a place best; null = none does. */
-  bestPhoto(position: Vec3): number | null {
+  async bestPhoto(position: Vec3): Promise<number | null> {
     const { viewer } = this;
-    const photos = viewer.data.keyframes.map((_, i) => this.photoOf(i)).filter((it) => it !== null);
+    const views = viewer.data.keyframes.flatMap((keyframe, i): View[] => {
+      if (!(keyframe.depths ?? keyframe.photo_depths) || !hasPhoto(keyframe)) return [];
+      const pose = { center: viewer.centerOf(keyframe), rotation: keyframe.rotation };
+      return [{ pose, open: async () => this.photoOf(i, await this.depths.of(i)) }];
+    });
     const pixel = pixelAt({ position, keyframe: -1 }, viewer.eyes);
     const near = pointsWithin(viewer.cloud, position, kRadiusPixels * pixel);
-    return bestPhoto(photos, position, near.length >= kFewPoints ? thinnest(near).normal : null)?.keyframe ?? null;
+    return (await bestPhoto(views, position, near.length >= kFewPoints ? thinnest(near).normal : null))?.keyframe ?? null;
   }
 }

@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { deflateSync } from "node:zlib";
-import { bestPhoto, sees } from "../src/best_photo";
+import { type View, bestPhoto, sees } from "../src/best_photo";
 import { Depths } from "../src/depths";
 import { type Vec3, norm, sub, unit } from "../src/geometry";
 import type { Picked } from "../src/measure";
@@ -10,9 +10,17 @@ import { type Photo, kNoDepth, kOpenEdge, pickedInPhoto, placesInPhoto } from ".
 
 const [kWidth, kHeight] = [128, 64];
 
+function stored(width: number, height: number, least: number, planes: Uint8Array): Uint8Array {
+  const header = Buffer.alloc(16);
+  header.writeUInt32LE(width, 0);
+  header.writeUInt32LE(height, 4);
+  header.writeDoubleLE(least, 8);
+  return Buffer.concat([header, deflateSync(planes)]);
+}
+
 /** A depth map as tools/pmsp-densify/report/page_depth.h lays it out. */
 function depthsOf(depth: (ray: Vec3, column: number, row: number) => number, width = kWidth, height = kHeight): Depths {
-  const blank = new Depths(width, height, 1, deflateSync(new Uint8Array(3 * width * height)));
+  const blank = new Depths(stored(width, height, 1, new Uint8Array(3 * width * height)));
   const all = Array.from({ length: width * height }, (_, i) => depth(blank.rayOf(i % width, Math.floor(i / width)), i % width, Math.floor(i / width)));
   const least = Math.min(...all.filter((d) => d > 0));
   const planes = new Uint8Array(3 * all.length);
@@ -26,7 +34,7 @@ function depthsOf(depth: (ray: Vec3, column: number, row: number) => number, wid
     planes.set([folded >> 8], all.length + i);
     planes.set([12], 2 * all.length + i);
   });
-  return new Depths(width, height, least, deflateSync(planes));
+  return new Depths(stored(width, height, least, planes));
 }
 const identity = [1, 0, 0, 0, 1, 0, 0, 0, 1];
 const photoOf = (depths: Depths, keyframe = 0, center: Vec3 = [0, 0, 0]): Photo => ({ depths, pose: { center, rotation: identity }, keyframe, lensDistance: 0 });
@@ -50,9 +58,13 @@ test("depths come back within a twentieth of a percent, none stays none", () => 
   assert.equal(depths.at(1, kHeight), 0);
 });
 
-test("a depth map of another size is refused", () => {
-  assert.throws(() => new Depths(4, 2, 1, deflateSync(new Uint8Array(23))), /damaged/);
-  assert.throws(() => new Depths(4, 2, 1, new Uint8Array(5)));
+test("what is no depth map, or one of another size, is refused", () => {
+  const good = stored(4, 2, 1, new Uint8Array(24));
+  assert.equal(new Depths(good).width, 4);
+  const cut = [good.subarray(0, 16), new Uint8Array(5), new Uint8Array(0)];
+  for (const bytes of [stored(4, 2, 1, new Uint8Array(23)), stored(4, 2, 0, new Uint8Array(24)), stored(0, 2, 1, new Uint8Array(24)), stored(2 ** 16, 2 ** 15, 1, new Uint8Array(24)), ...cut]) {
+    assert.throws(() => new Depths(bytes), /damaged/);
+  }
 });
 
 test("a click in a photo takes the depth at that pixel", () => {
@@ -102,23 +114,31 @@ test("places around one are those of its surface", () => {
   assert.ok(places.every((p) => Math.abs(p[2] - 4) < 0.01));
 });
 
-test("the best photo is near and faces the surface; a flat angle ranks low but counts", () => {
+const opened: number[] = [];
+const viewOf = (photo: Photo): View => ({ pose: photo.pose, open: () => (opened.push(photo.keyframe), Promise.resolve(photo)) });
+const best = async (photos: Photo[], place: Vec3, normal: Vec3 | null): Promise<number | undefined> =>
+  (await bestPhoto(photos.map(viewOf), place, normal))?.keyframe;
+
+test("the best photo is near and faces the surface; a flat angle ranks low but counts", async () => {
   const at = (x: number, z: number, keyframe: number): Photo => photoOf(depthsOf((ray) => wall(ray, z)), keyframe, [x, 0, z]);
   const [near, far, flat] = [at(0, 2, 1), at(0, 0, 2), at(3.9, 3, 3)];
   const place: Vec3 = [0.2, 0, 4];
   const normal: Vec3 = [0, 0, 1];
-  assert.equal(bestPhoto([far, near, flat], place, normal)?.keyframe, 1);
-  assert.equal(bestPhoto([far, flat], place, normal)?.keyframe, 2);
-  assert.equal(bestPhoto([flat], place, normal)?.keyframe, 3);
+  assert.equal(await best([far, near, flat], place, normal), 1);
+  assert.deepEqual(opened, [1], "the others are not fetched");
+  assert.equal(await best([far, flat], place, normal), 2);
+  assert.equal(await best([flat], place, normal), 3);
+  const gone: View = { pose: near.pose, open: () => Promise.resolve(null) };
+  assert.equal((await bestPhoto([gone, viewOf(far)], place, normal))?.keyframe, 2);
 });
 
-test("a photo in which something stands before the point does not see it", () => {
+test("a photo in which something stands before the point does not see it", async () => {
   const hidden = photoOf(depthsOf((ray) => wall(ray) / 2));
   const through = photoOf(depthsOf((ray) => 2 * wall(ray)));
   const open = photoOf(depthsOf((ray) => wall(ray)), 5, [0, 0, 0]);
   for (const photo of [hidden, through]) assert.equal(sees(photo, [0, 0, 4]), false);
   assert.equal(sees(open, [0, 0, 4]), true);
   assert.equal(sees(open, [0, 0, -4]), false, "no depth there");
-  assert.equal(bestPhoto([hidden, through], [0, 0, 4], null), null);
-  assert.equal(bestPhoto([hidden, open, through], [0, 0, 4], null)?.keyframe, 5);
+  assert.equal(await best([hidden, through], [0, 0, 4], null), undefined);
+  assert.equal(await best([hidden, open, through], [0, 0, 4], null), 5);
 });

@@ -10,7 +10,8 @@ import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import type { ReportData } from "../src/data";
 import { type Vec3, norm, sub } from "../src/geometry";
-import { chromiumPath, openFile, startBrowser, violations } from "./browser";
+import { chromiumPath, openFile, openPage, startBrowser, violations } from "./browser";
+import { killAll, start } from "./program";
 
 type Viewed = { pmspPage: any };
 
@@ -33,7 +34,8 @@ before(async () => {
   execFileSync(
     densify,
     ["run", join(mission, "map.msg"), "--images", join(mission, "images"), "-o", join(folder, "c.ply"), "--report", report]
-      .concat(["--quality", "online", "--backend", "cpu", "--width", "512", "--height", "256", "--progress", "none", "--report-panoramas", "5"]),
+      .concat(["--quality", "online", "--backend", "cpu", "--width", "512", "--height", "256", "--progress", "none"])
+      .concat(["--report-panoramas", "2", "--report-photos", join(folder, "photos")]),
     { stdio: ["ignore", "ignore", "inherit"], cwd: folder },
   );
   const text = readFileSync(report, "utf8");
@@ -44,6 +46,7 @@ before(async () => {
 });
 
 after(async () => {
+  killAll();
   await browser?.close();
   rmSync(folder, { recursive: true });
 });
@@ -75,20 +78,23 @@ async function measured(hash = "", notes = 0): Promise<{ page: Page; errors: str
   return { page, errors };
 }
 
-test("a click in a photo takes what that keyframe saw there, within its bound", async () => {
-  const { page, errors } = await openFile(browser, report, { hash: `view=keyframe&keyframe=${photos()[0]}` });
-  const pairs: [Vec3, Vec3][] = [
-    [corner(-1, -1, -1), corner(-1, -1, 1)],
-    [corner(-1, -1, 1), corner(1, -1, 1)],
-    [corner(-1, -1, 1), corner(-1, 1, 1)],
-  ];
-  for (const which of photos()) {
+const pairs = (): [Vec3, Vec3][] => [
+  [corner(-1, -1, -1), corner(-1, -1, 1)],
+  [corner(-1, -1, 1), corner(1, -1, 1)],
+  [corner(-1, -1, 1), corner(-1, 1, 1)],
+];
+
+/** Clicks pairs of corners in photos: lengths are within their bounds. Returns the number of lengths. */
+async function checkClicks(page: Page, which: readonly number[]): Promise<number> {
+  let count = 0;
+  for (const keyframe of which) {
     for (const snaps of [true, false]) {
-      for (const [a, b] of pairs) {
+      for (const [a, b] of pairs()) {
         const found = await page.evaluate(
-          ([a, b, which, snaps]) => {
+          async ([a, b, which, snaps]) => {
             const { viewer, measuring } = (window as unknown as Viewed).pmspPage;
             viewer.enter(which, true, true);
+            await measuring.picking.depths.of(which);
             const points = [a, b].map((at) => {
               const eye = viewer.perspective.position.toArray();
               viewer.lookAlong(at.map((x, i) => x - eye[i]));
@@ -98,17 +104,50 @@ test("a click in a photo takes what that keyframe saw there, within its bound", 
             if (points.some((it) => typeof it === "string" || it.picked.keyframe !== which)) return null;
             return { ...viewer.result({ kind: "distance", points: points.map((it) => it.picked) }), snaps: points.map((it) => it.snap) };
           },
-          [a, b, which, snaps] as const,
+          [a, b, keyframe, snaps] as const,
         );
         if (!found) continue; // the depth map has none there
         const truth = norm(sub(b, a));
-        console.log(`# keyframe ${which}, ${found.snaps.join(" and ")}: ${found.text}, truly ${truth}`);
+        console.log(`# keyframe ${keyframe}, ${found.snaps.join(" and ")}: ${found.text}, truly ${truth}`);
         assert.ok(Math.abs(found.value - truth) <= found.error, `${found.text}, truly ${truth}`);
+        ++count;
       }
     }
   }
+  return count;
+}
+
+test("a click in a photo takes what that keyframe saw there, within its bound", async () => {
+  const { page, errors } = await openFile(browser, report, { hash: `view=keyframe&keyframe=${photos()[0]}` });
+  assert.ok((await checkClicks(page, photos())) > 0);
   assert.deepEqual(errors, []);
   await page.context().close();
+});
+
+test("where the page is served, so does a click in each photo beside it, fetched when it opens; each may be the best", async () => {
+  const served = await start(densify, ["serve", report]);
+  const beside = data.keyframes.flatMap((k, i) => (k.photo_depths && !k.panorama ? [i] : []));
+  const { page, errors } = await openPage(browser, served.url, { hash: `view=keyframe&keyframe=${beside[0]}` });
+  const fetched: string[] = [];
+  page.on("request", (request) => fetched.push(request.url().replace(/.*\/(\d+)\.depth$/, "$1")));
+  assert.ok((await checkClicks(page, beside)) >= 2 * beside.length);
+  assert.deepEqual([...new Set(fetched.filter((it) => /^\d+$/.test(it)))], beside.slice(1).map((i) => String(data.keyframes[i]!.id)));
+  const best: (number | null)[] = [];
+  for (const which of beside) {
+    const found: number | null = await page.evaluate(async (which) => {
+      const { viewer, measuring } = (window as unknown as Viewed).pmspPage;
+      viewer.enter(which, true, true);
+      const point = measuring.picking.at(viewer.canvas.clientWidth / 2, viewer.canvas.clientHeight / 2);
+      return typeof point === "string" ? null : measuring.picking.bestPhoto(point.picked.position);
+    }, which);
+    console.log(`# seen from keyframe ${which}, best from ${found}`);
+    best.push(found);
+  }
+  assert.ok(best.every((it) => it !== null) && best.some((it) => beside.includes(it!)), `${best}`);
+  assert.deepEqual(errors, []);
+  await page.context().close();
+  served.child.kill("SIGINT");
+  await served.ended;
 });
 
 test("what a cut takes away is not clicked, nor what lies behind it", async () => {

@@ -2,10 +2,10 @@
 // How far off measurements are, and what is told: clicks on walls, edges and corners of synthetic missions, from the
 // keyframes' places, on points and in photos, and what is measured between them. No test.
 //
-//   PMSP_DENSIFY=build/pmsp-densify PMSP_SYNTH=build/pmsp-synth npm run measure-study -- FOLDER [NAME]
+//   PMSP_DENSIFY=build/pmsp-densify PMSP_SYNTH=build/pmsp-synth npm run measure-study -- FOLDER [NAME [SEED,...]]
 //
 // Only missions with NAME in their name, or that in a folder NAME: map.msg, images/, gt/ as pmsp-synth writes them.
-// They are kept in FOLDER, so that another run only clicks.
+// They are kept in FOLDER, so that another run only clicks. SEED: of scenes and of depth maps.
 import { execFileSync } from "node:child_process";
 import { cpSync, existsSync, mkdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
@@ -23,9 +23,9 @@ import { kSnapPixels, snapped } from "../src/snap";
 import { type Eyes, pickedFrom, pixelAt } from "../src/surroundings";
 import { type RangeMap, readRangeMap } from "./range_map";
 
-const [folder, only = ""] = process.argv.slice(2);
+const [folder, only = "", seeds = "1,2"] = process.argv.slice(2);
 const { PMSP_DENSIFY: densify, PMSP_SYNTH: synth } = process.env;
-if (!folder || !densify || !synth) throw new Error("usage: measure-study FOLDER [NAME], with PMSP_DENSIFY and PMSP_SYNTH");
+if (!folder || !densify || !synth) throw new Error("usage: measure-study FOLDER [NAME [SEED,...]], with PMSP_DENSIFY and PMSP_SYNTH");
 
 /** Points of the page; the rest comes from the Potree folder. */
 const kAll = 1_000_000;
@@ -45,7 +45,6 @@ const missions: [name: string, held: number, words: string][] = [
 if (existsSync(join(only, "map.msg"))) missions.splice(0, missions.length, [only, kAll, only]);
 /** A flight through a warehouse, beside the rooms. */
 const kSample = "data";
-const kSeeds = [1, 2];
 const kClicks = 40; // of each keyframe, besides corners
 const kMeasured = 400; // of each kind and mission
 const [kWidth, kHeight] = [1000, 800];
@@ -99,7 +98,7 @@ function make(name: string, held: number, words: string, seed: number): string {
     densify!,
     ["run", join(mission, "map.msg"), "--images", join(mission, "images"), "-o", join(at, "c.potree"), "--report", join(at, "r.html")]
       .concat(["--report-points", String(held), "--report-panoramas", "1000", "--backend", "cpu", "--progress", "none", "--force"])
-      .concat(["--align", join(mission, "gt", "traj_tum.txt")]),
+      .concat(["--align", join(mission, "gt", "traj_tum.txt"), "--seed", String(seed)]),
     { stdio: ["ignore", "ignore", "inherit"] },
   );
   return at;
@@ -134,8 +133,7 @@ function load(at: string, streams: boolean): { data: ReportData; cloud: Cloud; p
   const blocks = new Map([...html.matchAll(/id="pmsp-(depths-[^"]*)">([^<]*)</g)].map((found) => [found[1], found[2]]));
   const photos = data.keyframes.flatMap((keyframe, i): Photo[] => {
     if (!keyframe.depths) return [];
-    const { name, width, height, least } = keyframe.depths;
-    const depths = new Depths(width, height, least, bytesFromBase64(blocks.get(name) ?? ""));
+    const depths = new Depths(bytesFromBase64(blocks.get(keyframe.depths) ?? ""));
     const pose = { center: sub(keyframe.center, data.origin), rotation: keyframe.rotation };
     return [{ depths, pose, keyframe: i, lensDistance: data.lens_distance ?? 0 }];
   });
@@ -177,6 +175,13 @@ function placesFrom(pose: Pose, ranges: RangeMap, corners: readonly [Place, Vec3
   return found;
 }
 
+/** Clicks in photos without an answer, and all, by mission and by kind of place. */
+const refusals = new Map<string, [refused: number, all: number]>();
+function count(name: string, isRefused: boolean): void {
+  const [refused, all] = refusals.get(name) ?? [0, 0];
+  refusals.set(name, [refused + (isRefused ? 1 : 0), all + 1]);
+}
+
 interface Session {
   eyes: Eyes;
   up: Vec3;
@@ -184,13 +189,12 @@ interface Session {
   clicks: Click[];
 }
 
-function click(at: string, scene: string, streams: boolean): Session {
+function click(at: string, name: string, scene: string, streams: boolean): Session {
   const { data, cloud, photos } = load(at, streams);
   const size = norm(sub(cloud.high, cloud.low));
   const camera = (i: number): Vec3 | null => (data.keyframes[i] ? sub(data.keyframes[i].center, data.origin) : null);
   const eyes: Eyes = { pixel: data.pixel, reach: size / 2, camera };
   const clicks: Click[] = [];
-  const refused: Partial<Record<Place, number>> = {};
   const snaps: Record<string, number> = {};
   const map = (frame: number): string => join(at, "m", "gt", "range_mm", `${String(frame).padStart(6, "0")}.png`);
   const lines = readFileSync(join(at, "m", "gt", "traj_tum.txt"), "utf8").split("\n").filter((line) => /^[\d.]/.test(line));
@@ -209,21 +213,21 @@ function click(at: string, scene: string, streams: boolean): Session {
       view.lookAt(new Vector3(...truth));
       view.updateMatrixWorld();
       const inPhoto = photo && pickedInPhoto(photo, sub(truth, eye));
-      if (typeof inPhoto === "string") refused[place] = (refused[place] ?? 0) + 1;
-      else if (photo && inPhoto) {
+      for (const group of inPhoto ? [name, place] : []) count(group, typeof inPhoto === "string");
+      if (photo && inPhoto && typeof inPhoto !== "string") {
         clicks.push({ way: "photo", place, truth, picked: inPhoto });
         const { position } = inPhoto;
         const to = snapped(placesInPhoto(photo, position, kSnapPixels), position, unit(sub(truth, eye)), pixelAt(inPhoto, eyes));
         clicks.push({ way: "snapped", place, truth, picked: to ? { ...inPhoto, position: to.position, spread: spreadOnPlanes(inPhoto, to.spread, to.kind === "plane") } : inPhoto });
-        const name = `${place}, to ${to?.kind ?? "nothing"}`;
-        snaps[name] = (snaps[name] ?? 0) + 1;
+        const snap = `${place}, to ${to?.kind ?? "nothing"}`;
+        snaps[snap] = (snaps[snap] ?? 0) + 1;
       }
       const found = pick(cloud, view, kWidth / 2, kHeight / 2, kWidth, kHeight, 12);
       if (!found) continue;
       clicks.push({ way: "points", place, truth, picked: pickedFrom(cloud, view, found, 0, 0, eyes) });
     }
   });
-  console.log("refused in photos:", refused, "snapped:", snaps);
+  console.log("snapped:", snaps);
   return { eyes, up: cloud.basis[2], size, clicks };
 }
 
@@ -266,9 +270,9 @@ const kinds: Kind[] = ["distance", "height", "angle", "area"];
 const groups = new Map<string, Measured[]>();
 const put = (name: string, more: readonly Measured[]): void => void groups.set(name, [...(groups.get(name) ?? []), ...more]);
 for (const [name, held, words] of missions.filter((it) => it[0].includes(only))) {
-  for (const seed of words === kSample || words === name ? [1] : kSeeds) {
+  for (const seed of seeds.split(",").map(Number)) {
     process.stderr.write(`${name}, seed ${seed}\n`);
-    const session = click(make(name, held, words, seed), words.split(" ")[1] ?? "", held === kFew);
+    const session = click(make(name, held, words, seed), name, words.split(" ")[1] ?? "", held === kFew);
     for (const way of ways) {
       for (const kind of kinds) {
         const found = measure(session, kind, way);
@@ -287,3 +291,4 @@ for (const [name, held, words] of missions.filter((it) => it[0].includes(only)))
   }
 }
 for (const [name, all] of groups) tell(name, all);
+for (const [name, [refused, all]] of refusals) console.log(`refused in photos, ${name}: ${refused} of ${all}`);
