@@ -18,7 +18,7 @@ import {
 } from "three";
 import type { Cut } from "./cuts";
 import type { NodeData, NodePoints } from "./data";
-import { Detail, type DetailNode } from "./detail";
+import { angularSpacing, Detail, type DetailNode } from "./detail";
 import { busyBox } from "./framing";
 import { type Vec3, dot, normalFrom } from "./geometry";
 import { type PaletteName, paletteBytes } from "./palette";
@@ -47,6 +47,9 @@ export interface Cube {
   drawn: Points | null;
   /** Of the octree; null = of a keyframe. */
   node: DetailNode | null;
+  /** Of a keyframe: its camera in the unit cube, and the points' spacing at distance 1. */
+  eye: Vector3;
+  angularSpacing: number;
 }
 
 /** Which palette a colouring takes; null = none. */
@@ -93,7 +96,8 @@ export class Cloud {
         facing: { value: false },
         hasNormals: { value: hasNormals },
         size: { value: 1.6 },
-        spacing: { value: 0.01 },
+        spacing: { value: 0 },
+        eyeOfCube: { value: new Vector3() },
         nodes: { value: this.detail.texture },
         node: { value: -1 },
         focalLength: { value: 1000 },
@@ -102,13 +106,9 @@ export class Cloud {
         palette: { value: this.palettes.viridis },
       },
     });
-    this.spacing = usualSpacing(nodes);
   }
 
   private readonly detail = new Detail();
-  /** Of the points of keyframes. */
-  private spacing: number;
-  private isSpacingOutdated = false;
 
   /** A cube of the octree, without points. */
   octreeCube(level: number, corner: Vec3, side: number): Cube {
@@ -121,7 +121,7 @@ export class Cloud {
     const local = new Matrix4().makeTranslation(...corner).scale(new Vector3(side, side, side));
     const center = new Vector3(...corner).addScalar(side / 2);
     const radius = (side * Math.sqrt(3)) / 2;
-    return { level, corner, local, matrix: local.clone(), side, center, radius, points: null, held: null, drawn: null, node: null };
+    return { level, corner, local, matrix: local.clone(), side, center, radius, points: null, held: null, drawn: null, node: null, eye: new Vector3(), angularSpacing: 0 };
   }
 
   /** Takes the points of a cube of the page. */
@@ -145,6 +145,8 @@ export class Cloud {
     const cube = this.newCube(0, block.corner, block.side);
     this.keyframeCubes.set(id, cube);
     this.cubes.push(cube);
+    cube.eye.set(...block.corner).multiplyScalar(-1 / block.side);
+    cube.angularSpacing = angularSpacing(block.points, cube.eye.toArray() as [number, number, number]);
     this.attach(cube, block.points);
     this.move(id, page);
   }
@@ -157,7 +159,6 @@ export class Cloud {
     cube.center.set(0.5, 0.5, 0.5).applyMatrix4(cube.matrix);
     cube.side = cube.matrix.getMaxScaleOnAxis();
     cube.radius = (cube.side * Math.sqrt(3)) / 2;
-    this.isSpacingOutdated = true;
     cube.drawn?.matrix.copy(cube.matrix);
     if (cube.drawn) cube.drawn.matrixWorldNeedsUpdate = true;
   }
@@ -193,7 +194,10 @@ export class Cloud {
     drawn.matrixAutoUpdate = false;
     drawn.matrix.copy(cube.matrix);
     drawn.onBeforeRender = () => {
-      this.material.uniforms["node"]!.value = cube.node?.index ?? -1;
+      const u = this.material.uniforms;
+      u["node"]!.value = cube.node?.index ?? -1;
+      u["spacing"]!.value = cube.side * cube.angularSpacing;
+      u["eyeOfCube"]!.value = cube.eye;
       this.material.uniformsNeedUpdate = true;
     };
     cube.drawn = drawn;
@@ -278,12 +282,6 @@ export class Cloud {
     u["palette"]!.value = this.palettes[paletteOf(coloring) ?? "viridis"];
   }
 
-  private updateSpacing(): void {
-    this.isSpacingOutdated = false;
-    // Half the side: several overlapping keyframes cover a surface, with points in between those of one cube.
-    this.spacing = usualSpacing(this.cubes.map((it) => ({ side: it.side / 2, points: it.points?.count ?? 0 })));
-  }
-
   /**
    * Returns the cubes in view, those that look largest first, `budget` points at most, and whether these are all.
    * `focalLength`: of a unit at distance 1, or of a unit of a flat view [px].
@@ -293,8 +291,6 @@ export class Cloud {
     u["focalLength"]!.value = focalLength;
     u["minPointSize"]!.value = 1.5 * ratio;
     u["maxPointSize"]!.value = 32 * ratio;
-    if (this.isSpacingOutdated) this.updateSpacing();
-    u["spacing"]!.value = this.spacing;
     const sight = new Sight(camera);
     const visible: [Cube, number][] = [];
     for (const cube of this.cubes) {
@@ -353,17 +349,3 @@ export class Cloud {
     return [row(0), row(1), row(2)];
   }
 }
-
-/** Median point spacing, if surfaces are covered evenly. */
-function usualSpacing(nodes: readonly { side: number; points: number }[]): number {
-  const leaves = nodes.filter((n) => n.points > 0).map((n) => [n.side / Math.sqrt(n.points), n.points] as const);
-  leaves.sort((a, b) => a[0] - b[0]);
-  const half = leaves.reduce((sum, it) => sum + it[1], 0) / 2;
-  let sum = 0;
-  for (const [spacing, points] of leaves) {
-    sum += points;
-    if (sum >= half) return spacing;
-  }
-  return 0.01;
-}
-

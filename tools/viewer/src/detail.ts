@@ -28,19 +28,35 @@ export interface DetailNode {
   update: number;
 }
 
-/** Points per side^2 of the surfaces in a cube: a third of the points lie where it is less. */
+/** Points in a cell of these: a third of all lie in cells with fewer. */
+function usualCount(counts: Uint32Array): number {
+  const sorted = counts.filter((n) => n > 0).sort();
+  const all = sorted.reduce((sum, n) => sum + n, 0);
+  let sum = 0;
+  return sorted.find((n) => 3 * (sum += n) >= all) ?? 0;
+}
+
+/** Points per side^2 of the surfaces in a cube. */
 function densityOf(points: NodePoints): number {
   const counts = new Uint32Array(kAreaCells ** 3);
   for (let i = 0; i < points.count; ++i) {
     const cell = (k: number): number => (points.positions[4 * i + k] ?? 0) >> 12;
     counts[(cell(0) * kAreaCells + cell(1)) * kAreaCells + cell(2)]! += 1;
   }
-  let sum = 0;
-  for (const count of counts.filter((n) => n > 0).sort()) {
-    sum += count;
-    if (3 * sum >= points.count) return count * kAreaCells ** 2;
+  return usualCount(counts) * kAreaCells ** 2;
+}
+
+/** Spacing, at distance 1, of points that a camera saw; `eye`: its centre in their unit cube. 0 = no points. */
+export function angularSpacing(points: NodePoints, eye: Vec3): number {
+  const counts = new Uint32Array(2 * kAreaCells * kAreaCells);
+  for (let i = 0; i < points.count; ++i) {
+    const [x, y, z] = eye.map((e, k) => (points.positions[4 * i + k] ?? 0) / 65535 - e) as [number, number, number];
+    const across = Math.min(0.5 + Math.atan2(x, z) / (2 * Math.PI), 0.999999);
+    const down = Math.min(0.5 + y / (2 * Math.max(Math.hypot(x, y, z), 1e-9)), 0.999999); // equal heights, equal areas
+    counts[Math.floor(down * kAreaCells) * 2 * kAreaCells + Math.floor(across * 2 * kAreaCells)]! += 1;
   }
-  return 0;
+  const usual = usualCount(counts);
+  return usual > 0 ? kUneven * Math.sqrt((4 * Math.PI) / counts.length / usual) : 0;
 }
 
 export class Detail {
@@ -129,10 +145,10 @@ export class Detail {
 }
 
 export const detailShader = `
-uniform highp sampler2D nodes; uniform int node; uniform float spacing;
-// At a place of the unit cube.
+uniform highp sampler2D nodes; uniform int node; uniform float spacing; uniform vec3 eyeOfCube;
+// At a place of the unit cube. Points of a keyframe are spaced as they are far from its camera.
 float spacingAt(vec3 p) {
-  if (node < 0) return spacing;
+  if (node < 0) return spacing * distance(p, eyeOfCube);
   vec4 here = texelFetch(nodes, ivec2(node & 255, node >> 8), 0);
   float found = here.z;
   for (int level = 0; level < 20; ++level) {

@@ -50,7 +50,7 @@ export class LivePage {
       changed(words[this.live.state]);
     });
     this.seen = new Seen(viewer.cloud, () => this.live.eyes(), () => viewer.landmarks, () => viewer.drawOver());
-    viewer.under = (context, project) => {
+    viewer.overlay.under = (context, project) => {
       if (viewer.state.mode !== "keyframe") this.seen.draw(context, project, viewer.state.mode === "plan");
     };
     viewer.onFramed = () => this.follow.center();

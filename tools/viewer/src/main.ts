@@ -91,7 +91,7 @@ class Page {
 
   private tellPoints(): void {
     const { keyframes, generator, points_in, points } = this.data;
-    const { order } = this.viewer;
+    const { order } = this.viewer.trajectory;
     const covered = order.filter((i) => keyframes[i]?.use === "depth map").length;
     const shown = this.viewer.stream ? this.viewer.cloud.loaded : points;
     byId("subtitle").textContent =
@@ -120,7 +120,7 @@ class Page {
       document.body.dataset["live"] = live.live.state;
       this.say(message);
       this.tellPoints();
-      this.modeButtons.get("walk")!.disabled = this.viewer.order.length === 0;
+      this.modeButtons.get("walk")!.disabled = this.viewer.trajectory.order.length === 0;
       this.allowPhotos();
       this.refresh();
     }));
@@ -235,7 +235,7 @@ class Page {
 
   /** Goes to the keyframe whose ring was clicked; from outside into its photo, or where it has none, to its place. */
   private clickRing(x: number, y: number, reach: number): void {
-    const which = this.viewer.keyframeAt(x, y, reach);
+    const which = this.viewer.overlay.keyframeAt(x, y, reach);
     if (which < 0) return;
     if (isOutside(this.state.mode)) this.enter(which);
     else this.viewer.tour.goTo(which);

@@ -178,7 +178,7 @@ export class Measuring {
     if (this.request !== request) return; // another one is wanted meanwhile
     const keyframe = which === null ? undefined : this.viewer.data.keyframes[which];
     if (which === null || !keyframe) return this.say("No photo of this page sees that point.");
-    this.openPhoto(which, sub(place, this.viewer.centerOf(keyframe)));
+    this.openPhoto(which, sub(place, this.viewer.trajectory.centerOf(keyframe)));
     this.say(`Keyframe ${keyframe.id} sees the point best.`);
   }
 

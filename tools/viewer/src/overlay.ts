@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Measurements, notes, keyframes and the scale bar, drawn over the points.
-import { type Vec3, roundLength } from "./geometry";
+import { type Vec3, dot, norm, roundLength, sub } from "./geometry";
+import { marksOf } from "./marks";
 import type { Scale } from "./measure";
-import type { Ring } from "./trajectory";
+import { kPickRadius, pick } from "./pick";
+import { isOutside } from "./tour";
+import { type Ring, ringAt, ringsIn } from "./trajectory";
+import type { Viewer } from "./viewer";
 
 export interface Mark {
   /** A line through them, or one place. */
@@ -162,4 +166,85 @@ function drawTrail(
   context.strokeStyle = kLine;
   context.stroke();
   label("camera", camera[0], camera[1] - 22);
+}
+
+export class Overlay {
+  /** Draws over the points, below the marks. */
+  under: ((context: CanvasRenderingContext2D, project: Project) => void) | null = null;
+  /** Whether the current keyframe was chosen from outside, which then is shown. */
+  isStepped = false;
+  /** 1 : this, while a plan is printed; 0 = it is not. */
+  printScale = 0;
+  /** Rings of the keyframes in the picture. */
+  private rings: Ring[] = [];
+  /** From the eye to what is seen in the middle, where one stands at a keyframe; 0 = not known yet. */
+  private middleDistance = 0;
+
+  constructor(
+    readonly canvas: HTMLCanvasElement,
+    private readonly viewer: Viewer,
+  ) {}
+
+  resize(width: number, height: number): void {
+    [this.canvas.width, this.canvas.height] = [width, height];
+  }
+
+  /** The view begins elsewhere. */
+  forget(): void {
+    this.isStepped = false;
+    this.middleDistance = 0;
+  }
+
+  /** The keyframe whose ring is at pixels from the upper left corner, -1 = none. `reach`: beside the ring [px]. */
+  keyframeAt(x: number, y: number, reach: number): number {
+    return ringAt(this.rings, x, y, reach)?.keyframe ?? -1;
+  }
+
+  draw(width: number, height: number, ratio: number): void {
+    const { state, cameras, trajectory, basis, data, pending } = this.viewer;
+    const context = this.canvas.getContext("2d");
+    if (!context) return;
+    const project: Project = (p) => cameras.project(p);
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    this.under?.(context, project);
+    this.rings = ringsIn(trajectory.places, state.keyframe, state.mode, project, cameras.eye);
+    const marks = marksOf(state, pending, basis[2], (it) => this.viewer.result(it).text);
+    drawOverlay(context, width, height, ratio, project, marks, this.scaleBar(), this.trail());
+    const { north } = data;
+    if (state.mode === "plan" && north) drawNorth(context, Math.atan2(dot(north, basis[0]), dot(north, basis[1])));
+  }
+
+  /** Distance of what is in the middle of the picture, for the scale bar. */
+  measureMiddle(): void {
+    const { cameras, canvas, cloud, state } = this.viewer;
+    const { clientWidth: width, clientHeight: height } = canvas;
+    if (isOutside(state.mode)) return;
+    const found = pick(cloud, cameras.current, width / 2, height / 2, width, height, kPickRadius);
+    this.middleDistance = found ? norm(sub(found.position, cameras.eye)) : 0;
+    this.viewer.drawOver();
+  }
+
+  private trail(): Trail {
+    const { state, data, trajectory } = this.viewer;
+    const id = data.keyframes[state.keyframe]?.id;
+    return {
+      line: isOutside(state.mode) ? trajectory.centers : [],
+      rings: this.rings,
+      camera: trajectory.camera,
+      label: this.isStepped && id !== undefined ? `keyframe ${id}` : "",
+    };
+  }
+
+  /** Of a plan; else at the distance of what is in the middle. */
+  private scaleBar(): ScaleBar | null {
+    const { state, cameras, scale } = this.viewer;
+    if (state.mode === "plan") {
+      const bar = scaleBar(cameras.focalLength, scale, null);
+      return this.printScale > 0 ? { ...bar, text: `${bar.text}, 1 : ${this.printScale}` } : bar;
+    }
+    const distance = state.mode === "orbit" ? cameras.pivotDistance : this.middleDistance;
+    return distance > 0 ? scaleBar(cameras.focalLength / distance, scale, distance) : null;
+  }
 }

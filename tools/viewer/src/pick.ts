@@ -7,6 +7,9 @@ import { type Vec3, norm, sub } from "./geometry";
 import type { Found } from "./measure";
 import { isPerspective } from "./sight";
 
+/** Beside a click [px]. */
+export const kPickRadius = 12;
+
 /**
  * The point at a place of the picture: of those within `radius` pixels that lie in front, the one that is near and
  * well known. Snaps so to points, never to what lies between them.

@@ -42,7 +42,7 @@ export class Picking {
   private photoOf(which: number, depths: Depths | null): Photo | null {
     const keyframe = this.viewer.data.keyframes[which];
     if (!keyframe || !depths) return null;
-    const pose = { center: this.viewer.centerOf(keyframe), rotation: keyframe.rotation };
+    const pose = { center: this.viewer.trajectory.centerOf(keyframe), rotation: keyframe.rotation };
     return { depths, pose, keyframe: which, lensDistance: this.viewer.data.lens_distance ?? 0 };
   }
 
@@ -75,7 +75,7 @@ export class Picking {
     const { viewer } = this;
     const views = viewer.data.keyframes.flatMap((keyframe, i): View[] => {
       if (!(keyframe.depths ?? keyframe.photo_depths) || !hasPhoto(keyframe)) return [];
-      const pose = { center: viewer.centerOf(keyframe), rotation: keyframe.rotation };
+      const pose = { center: viewer.trajectory.centerOf(keyframe), rotation: keyframe.rotation };
       return [{ pose, open: async () => this.photoOf(i, await this.depths.of(i)) }];
     });
     const pixel = pixelAt({ position, keyframe: -1 }, viewer.eyes);

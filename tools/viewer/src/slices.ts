@@ -72,13 +72,14 @@ export class Slices {
 
   /** -1 = all. */
   private showStorey(which: number): void {
-    const storey = this.viewer.storeys[which];
+    const storey = this.viewer.trajectory.storeys[which];
     this.cut(storey ? storeyCut(storey, which === 0) : noCut());
-    if (storey) this.viewer.showStorey(storey);
+    if (storey) this.state.keyframe = this.viewer.trajectory.keyframeOn(storey, this.state.keyframe);
   }
 
   refresh(): void {
-    const { cloud, storeys, data } = this.viewer;
+    const { cloud, data } = this.viewer;
+    const { storeys } = this.viewer.trajectory;
     const { cut } = this.state;
     if (this.known !== storeys) {
       this.known = storeys;

@@ -38,8 +38,10 @@ const kFlat = 0.9;
 const kAlike = 20;
 /** A place is not known better than that [pixels]. */
 const kLeastSpread = 0.5;
-/** Nor an edge or a corner [pixels], and half as well as it is away from the point that was picked. */
+/** Nor a corner [pixels], and half as well as it is away from the point that was picked. */
 const kLeastCorner = 2;
+/** Nor a place on an edge [pixels], and as well as it is away: what was picked may have been meant. */
+const kLeastEdge = 3;
 /** A point snaps to a plane where such a share of the points so near to it lies on it [pixels]. */
 const kAroundPixels = 7;
 const kMostOn = 0.9;
@@ -109,7 +111,6 @@ export function snapped(points: readonly Vec3[], place: Vec3, along: Vec3, pixel
   const planes = planesOf(points, Math.max(pixel, 1e-12));
   const draws = kDraws * pixel;
   const least = kLeastSpread * pixel;
-  const leastCorner = (p: Vec3): number => Math.hypot(kLeastCorner * pixel, 0.5 * away(p));
   const [a, b, c] = planes;
   const away = (p: Vec3): number => norm(sub(p, place));
   if (a && b && c) {
@@ -118,7 +119,7 @@ export function snapped(points: readonly Vec3[], place: Vec3, along: Vec3, pixel
       const heights = [a, b, c].map((it) => dot(it.normal, sub(it.center, place)));
       const [x, y, z] = [cross(b.normal, c.normal), cross(c.normal, a.normal), cross(a.normal, b.normal)].map((it, i) => times(it, (heights[i] ?? 0) / det)) as [Vec3, Vec3, Vec3];
       const position = add(place, add(x, add(y, z)));
-      const spread = Math.hypot(leastCorner(position), Math.hypot(...[a, b, c].map(errorOf)) / Math.abs(det));
+      const spread = Math.hypot(kLeastCorner * pixel, 0.5 * away(position), Math.hypot(...[a, b, c].map(errorOf)) / Math.abs(det));
       if (away(position) <= draws) return { kind: "corner", position, spread };
     }
   }
@@ -130,7 +131,7 @@ export function snapped(points: readonly Vec3[], place: Vec3, along: Vec3, pixel
     const [hu, hv] = [dot(u.normal, sub(u.center, place)), dot(v.normal, sub(v.center, place))];
     const by = add(times(u.normal, (hu - cosine * hv) / square), times(v.normal, (hv - cosine * hu) / square));
     const position = add(place, by);
-    return { kind: "edge", position, spread: Math.hypot(leastCorner(position), Math.hypot(errorOf(u), errorOf(v)) / Math.sqrt(square)) };
+    return { kind: "edge", position, spread: Math.hypot(kLeastEdge * pixel, away(position), Math.hypot(errorOf(u), errorOf(v)) / Math.sqrt(square)) };
   });
   edges.sort((s, t) => away(s.position) - away(t.position));
   if (edges[0] && away(edges[0].position) <= draws) return edges[0];

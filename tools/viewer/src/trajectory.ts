@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Keyframes along the trajectory. `order`: indices of the existing keyframes, from the first to the last.
-import type { KeyframeData } from "./data";
-import { type Vec3, dot, norm, sub } from "./geometry";
+// Keyframes along the trajectory, and the storeys they were flown on. `order`: indices of the existing keyframes, from
+// the first to the last.
+import type { Cloud } from "./cloud";
+import type { KeyframeData, ReportData } from "./data";
+import { type Vec3, dot, norm, sub, unit } from "./geometry";
 import { hasPhoto } from "./panorama";
 import type { Mode } from "./state";
+import { type Storey, storeysOf } from "./storeys";
 
 /** Returns those with a depth map, or all if there are none. */
 export function pathOf(keyframes: readonly KeyframeData[], order: readonly number[]): number[] {
@@ -94,4 +97,73 @@ export function keyframeTowards(centers: readonly { index: number; center: Vec3 
     best = index;
   }
   return best;
+}
+
+export class Trajectory {
+  /** Indices of the existing keyframes in the order of the trajectory. */
+  order: number[];
+  /** Those of `order` with a depth map; all if there are none. */
+  path: number[];
+  /** Where the camera of a live map is. */
+  camera: Vec3 | null = null;
+  storeys: Storey[] = [];
+
+  constructor(private readonly data: ReportData) {
+    this.order = data.keyframes.map((_, i) => i);
+    this.path = pathOf(data.keyframes, this.order);
+  }
+
+  /** Live page only. */
+  set(keyframes: KeyframeData[], order: number[], camera: Vec3 | null): void {
+    this.data.keyframes = keyframes;
+    this.order = order;
+    this.path = pathOf(keyframes, order);
+    this.camera = camera;
+  }
+
+  /** Of a keyframe's camera, from the page's origin. */
+  centerOf(keyframe: KeyframeData): Vec3 {
+    return sub(keyframe.center, this.data.origin);
+  }
+
+  private at(which: number): Vec3 | null {
+    const keyframe = this.data.keyframes[which];
+    return keyframe ? this.centerOf(keyframe) : null;
+  }
+
+  get centers(): Vec3[] {
+    return this.order.map((i) => this.at(i)!);
+  }
+
+  get places(): KeyframePlace[] {
+    return this.order.map((index) => ({ index, center: this.at(index)!, hasPoints: this.data.keyframes[index]!.use === "depth map" }));
+  }
+
+  /** Those that steps go to: with a photo where the mode shows them. */
+  pathIn(mode: Mode): number[] {
+    const withPhoto = mode === "keyframe" ? this.path.filter((i) => hasPhoto(this.data.keyframes[i])) : [];
+    return withPhoto.length > 0 ? withPhoto : this.path;
+  }
+
+  private heightOf(which: number): number {
+    const at = this.at(which);
+    return at ? dot(at, unit(this.data.up)) : Number.POSITIVE_INFINITY;
+  }
+
+  /** To be called when the cloud's bounds have changed. */
+  measureStoreys(cloud: Cloud, hasNormals: boolean): void {
+    const floors = hasNormals ? cloud.floorHeights(Math.max(1, Math.floor(cloud.loaded / 50_000))) : [];
+    this.storeys = storeysOf(floors, this.path.map((i) => this.heightOf(i)), cloud.low[2], cloud.high[2]);
+  }
+
+  storeyOf(which: number): Storey {
+    const height = this.heightOf(which);
+    return this.storeys.filter((it) => it.floor < height).at(-1) ?? this.storeys[0] ?? { floor: 0, top: null, camera: 0, highestCamera: 0 };
+  }
+
+  /** A keyframe of a storey: `current` if it is one. */
+  keyframeOn(storey: Storey, current: number): number {
+    const isOn = (i: number): boolean => this.heightOf(i) > storey.floor && this.heightOf(i) < (storey.top ?? Number.POSITIVE_INFINITY);
+    return isOn(current) ? current : (this.path.find(isOn) ?? current);
+  }
 }

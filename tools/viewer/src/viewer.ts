@@ -5,37 +5,31 @@ import { Cameras } from "./cameras";
 import { Cloud, type Cube } from "./cloud";
 import { type Cut, cutFromShares, isSameCut, noCut, planCut } from "./cuts";
 import type { KeyframeData, ReportData } from "./data";
-import { type KeyframePlace, nearestKeyframe, pathOf, type Ring, ringAt, ringsIn } from "./trajectory";
 import { straightBasis } from "./framing";
 import { type Vec3, dot, fromCamera, mainDirection, norm, sub } from "./geometry";
 import { Frames } from "./frames";
 import { loadHeld, rootNormals } from "./load";
 import { scaleOf } from "./lengths";
-import { marksOf } from "./marks";
 import { type Picked, type Result, type Scale, type Taken, resultOf } from "./measure";
-import { drawNorth, drawOverlay, type ScaleBar, scaleBar, type Trail } from "./overlay";
+import { Overlay } from "./overlay";
 import type { Position } from "./minimap";
 import { Walking } from "./navigate";
-import { Panorama, hasPhoto, photoOf } from "./panorama";
-import { pick } from "./pick";
+import { Panorama, photoOf } from "./panorama";
+import { kPickRadius, pick } from "./pick";
 import { Picture } from "./picture";
 import type { Measurement, Mode, ViewState } from "./state";
-import { type Storey, storeysOf } from "./storeys";
+import type { Storey } from "./storeys";
 import { Stream } from "./stream";
 import { type Eyes, pickedFrom } from "./surroundings";
 import { Throttle } from "./throttle";
 import { isOutside, Tour } from "./tour";
-
-const kPickRadius = 12;
+import { nearestKeyframe, Trajectory } from "./trajectory";
 
 export class Viewer {
   readonly cloud: Cloud;
   readonly basis: readonly [Vec3, Vec3, Vec3];
   readonly cameras: Cameras;
-  /** Indices of the existing keyframes in the order of the trajectory. */
-  order: number[];
-  /** Those of `order` with a depth map; all if there are none. */
-  path: number[];
+  readonly trajectory: Trajectory;
   /** A measurement that is not complete yet. */
   pending: Picked[] = [];
   /** Called when the view changes. */
@@ -47,32 +41,20 @@ export class Viewer {
   onStreamed: () => void = () => {};
   /** The view has been set to show all. */
   onFramed: () => void = () => {};
-  /** Draws over the points, below the marks. */
-  under: ((context: CanvasRenderingContext2D, project: (p: Vec3) => [number, number] | null) => void) | null = null;
   /** Shown as well, at the beginning instead of points. */
   landmarks: readonly Vec3[] = [];
   /** null = the page holds all there is. */
   stream: Stream | null = null;
+  readonly overlay: Overlay;
   readonly frames: Frames;
   readonly tour: Tour;
   private readonly walking: Walking;
-  /** Whether the current keyframe was chosen from outside, which then is shown. */
-  private isStepped = false;
   private readonly drawing: Picture;
   readonly panorama: Panorama;
   private width = 1;
   private height = 1;
-  /** Where the camera of a live map is. */
-  private liveCamera: Vec3 | null = null;
-  /** Rings of the keyframes in the picture. */
-  private rings: Ring[] = [];
-  /** From the eye to what is seen in the middle, where one stands at a keyframe; 0 = not known yet. */
-  private middleDistance = 0;
-  storeys: Storey[] = [];
   /** That the plan made, not the user. */
   private cutOfPlan = noCut();
-  /** 1 : this, while a plan is printed; 0 = it is not. */
-  private printScale = 0;
   private isLoaded = false;
   /** Whether the user has moved the view. */
   isTouched = false;
@@ -86,32 +68,32 @@ export class Viewer {
   constructor(
     readonly data: ReportData,
     readonly canvas: HTMLCanvasElement,
-    readonly overlay: HTMLCanvasElement,
+    overlay: HTMLCanvasElement,
     readonly state: ViewState,
   ) {
-    this.order = data.keyframes.map((_, i) => i);
-    this.path = pathOf(data.keyframes, this.order);
-    const path = mainDirection(this.centers(), data.up);
+    this.trajectory = new Trajectory(data);
+    const path = mainDirection(this.trajectory.centers, data.up);
     this.basis = straightBasis(data.up, path, state.isAlongPath ? [] : rootNormals(data.nodes));
     this.cloud = new Cloud(data.nodes, this.basis, data.normals !== false);
     this.panorama = new Panorama(() => this.redraw());
     this.cameras = new Cameras(canvas, state, this.basis, this.cloud, () => this.changed());
+    this.overlay = new Overlay(overlay, this);
     this.drawing = new Picture(canvas, this.cloud.group, this.panorama.mesh, () => this.redraw());
     this.frames = new Frames({
       begin: (budget) => this.begin(budget),
       add: (cubes) => this.add(cubes),
       present: () => this.present(),
-      completed: () => setTimeout(() => this.measureMiddle()),
+      completed: () => setTimeout(() => this.isLoaded && this.overlay.measureMiddle()),
       whenFinished: (done) => this.drawing.whenFinished(done),
     });
     this.frames.listen(canvas);
     this.tour = new Tour(this.cameras, state, {
-      places: () => this.keyframeCenters,
-      path: (mode) => this.pathIn(mode),
+      places: () => this.trajectory.places,
+      path: (mode) => this.trajectory.pathIn(mode),
       enter: (which) => this.enter(which, state.mode === "keyframe", false),
       prepare: (which) => this.showPhoto(which),
       marked: () => {
-        this.isStepped = true;
+        this.overlay.isStepped = true;
         this.changed();
       },
     });
@@ -126,21 +108,9 @@ export class Viewer {
 
   /** Live page only: sets the trajectory and camera centre. */
   setTrajectory(keyframes: KeyframeData[], order: number[], camera: Vec3 | null): void {
-    this.data.keyframes = keyframes;
-    this.order = order;
-    this.path = pathOf(keyframes, order);
-    this.liveCamera = camera;
+    this.trajectory.set(keyframes, order, camera);
     this.updateExtentLater.request();
     this.pointsChanged();
-  }
-
-  private centers(): Vec3[] {
-    return this.order.map((i) => this.centerOf(this.data.keyframes[i]!));
-  }
-
-  /** Of a keyframe's camera, from the page's origin. */
-  centerOf(keyframe: KeyframeData): Vec3 {
-    return sub(keyframe.center, this.data.origin);
   }
 
   get perspective(): PerspectiveCamera {
@@ -170,11 +140,9 @@ export class Viewer {
 
   /** Bounds of the cloud, its storeys, and the cut of an old address, which counts in shares of the bounds. */
   private measureExtent(): void {
-    const { cloud, state, basis } = this;
-    cloud.measureExtent(this.centers(), this.landmarks);
-    const heights = this.path.map((i) => dot(this.centerOf(this.data.keyframes[i]!), basis[2]));
-    const floors = this.data.normals === false ? [] : cloud.floorHeights(Math.max(1, Math.floor(cloud.loaded / 50_000)));
-    this.storeys = storeysOf(floors, heights, cloud.low[2], cloud.high[2]);
+    const { cloud, state } = this;
+    cloud.measureExtent(this.trajectory.centers, this.landmarks);
+    this.trajectory.measureStoreys(cloud, this.data.normals !== false);
     if (state.clip) state.cut = cutFromShares(state.clip, cloud.low, cloud.high);
     this.onExtent();
   }
@@ -183,7 +151,7 @@ export class Viewer {
   get position(): Position | null {
     const { cameras, state } = this;
     if (isOutside(state.mode)) return null;
-    return { eye: cameras.eye, direction: cameras.directionOf(0, 1), places: this.keyframeCenters };
+    return { eye: cameras.eye, direction: cameras.directionOf(0, 1), places: this.trajectory.places };
   }
 
   /** Heights that a plan of the current storey shows. */
@@ -194,21 +162,11 @@ export class Viewer {
 
   /** The storey of the current keyframe. */
   get storey(): Storey {
-    const keyframe = this.data.keyframes[this.state.keyframe];
-    const height = keyframe ? dot(this.centerOf(keyframe), this.basis[2]) : Number.POSITIVE_INFINITY;
-    return this.storeys.filter((it) => it.floor < height).at(-1) ?? this.storeys[0] ?? { floor: 0, top: null, camera: 0, highestCamera: 0 };
-  }
-
-  /** Makes a keyframe of a storey the current one. */
-  showStorey(storey: Storey): void {
-    const heightOf = (i: number): number => dot(this.centerOf(this.data.keyframes[i]!), this.basis[2]);
-    const isOn = (i: number): boolean => heightOf(i) > storey.floor && heightOf(i) < (storey.top ?? Number.POSITIVE_INFINITY);
-    const { state } = this;
-    if (!isOn(state.keyframe)) state.keyframe = this.path.find(isOn) ?? state.keyframe;
+    return this.trajectory.storeyOf(this.state.keyframe);
   }
 
   private get automaticCut(): Cut {
-    return planCut(this.storey, this.storey === this.storeys[0]);
+    return planCut(this.storey, this.storey === this.trajectory.storeys[0]);
   }
 
   private resize(): void {
@@ -223,8 +181,7 @@ export class Viewer {
     this.height = Math.max(1, height);
     this.cameras.resize(this.width, this.height);
     this.drawing.resize(this.width, this.height);
-    this.overlay.width = this.canvas.width;
-    this.overlay.height = this.canvas.height;
+    this.overlay.resize(this.canvas.width, this.canvas.height);
   }
 
   /** `fresh`: look from where the mode begins, not from where the address says. */
@@ -241,8 +198,7 @@ export class Viewer {
     const target = fresh ? null : state.target;
     cameras.begin(mode);
     this.tour.stop();
-    this.isStepped = false;
-    this.middleDistance = 0;
+    this.overlay.forget();
     if (mode === "orbit") {
       if (eye && target) cameras.lookFromOutside(eye, target);
       else cameras.lookAtAll((camera) => this.placesToShow(camera));
@@ -250,7 +206,7 @@ export class Viewer {
       if (fresh && isSameCut(state.cut, noCut()) && this.cloud.loaded > 0) state.cut = this.cutOfPlan = this.automaticCut;
       cameras.lookFromAbove(eye, target, fresh ? 1 : state.zoom);
     } else {
-      state.keyframe = nearestKeyframe(this.data.keyframes, this.order, state.keyframe, mode === "keyframe");
+      state.keyframe = nearestKeyframe(this.data.keyframes, this.trajectory.order, state.keyframe, mode === "keyframe");
       this.enter(state.keyframe, mode === "keyframe", fresh || !target);
       if (eye && target) {
         if (mode === "walk") cameras.standAt(eye);
@@ -265,7 +221,7 @@ export class Viewer {
   private placesToShow(camera: Camera): Vec3[] {
     const { cloud, state, basis } = this;
     cloud.setLook(state.coloring, state.size, state.cut, this.isSeenThrough);
-    const places = [...this.centers(), ...this.landmarks];
+    const places = [...this.trajectory.centers, ...this.landmarks];
     cloud.forEachShown(camera, Math.max(1, Math.floor(cloud.loaded / 5000)), (at) => {
       if (basis.every((axis, i) => dot(axis, at) >= cloud.low[i as 0] && dot(axis, at) <= cloud.high[i as 0])) places.push(at);
     });
@@ -282,9 +238,10 @@ export class Viewer {
     const keyframe = this.data.keyframes[which];
     if (!keyframe) return;
     this.state.keyframe = which;
-    this.cameras.standAt(this.centerOf(keyframe));
+    this.cameras.standAt(this.trajectory.centerOf(keyframe));
     if (fresh) {
-      const next = this.data.keyframes[this.path[this.path.indexOf(which) + 1] ?? which];
+      const { path } = this.trajectory;
+      const next = this.data.keyframes[path[path.indexOf(which) + 1] ?? which];
       const ahead = next ? sub(next.center, keyframe.center) : ([0, 0, 0] as Vec3);
       this.cameras.lookAlong(withPhoto || norm(ahead) === 0 ? fromCamera(keyframe, [0, 0, 1]) : ahead);
     }
@@ -292,20 +249,9 @@ export class Viewer {
     this.changed();
   }
 
-  /** Those that steps go to: with a photo where the mode shows them. */
-  private pathIn(mode: Mode): number[] {
-    const withPhoto = mode === "keyframe" ? this.path.filter((i) => hasPhoto(this.data.keyframes[i])) : [];
-    return withPhoto.length > 0 ? withPhoto : this.path;
-  }
-
   private showPhoto(which: number): void {
     const keyframe = this.data.keyframes[which];
     if (keyframe) this.panorama.show(this.state.mode === "keyframe" ? photoOf(keyframe) : "", keyframe);
-  }
-
-  /** The keyframe whose ring is at pixels from the upper left corner, -1 = none. `reach`: beside the ring [px]. */
-  keyframeAt(x: number, y: number, reach: number): number {
-    return ringAt(this.rings, x, y, reach)?.keyframe ?? -1;
   }
 
   /** From outside, turns around what is at pixels from the upper left corner. */
@@ -376,57 +322,7 @@ export class Viewer {
 
   /** Draws what lies over the points. */
   drawOver(): void {
-    const { state, width, height, cameras, drawing } = this;
-    const context = this.overlay.getContext("2d");
-    if (!context) return;
-    context.setTransform(1, 0, 0, 1, 0, 0);
-    context.clearRect(0, 0, this.overlay.width, this.overlay.height);
-    context.setTransform(drawing.ratio, 0, 0, drawing.ratio, 0, 0);
-    this.under?.(context, (p) => this.project(p));
-    this.rings = ringsIn(this.keyframeCenters, state.keyframe, state.mode, (p) => this.project(p), cameras.eye);
-    const marks = marksOf(state, this.pending, this.basis[2], (it) => this.result(it).text);
-    drawOverlay(context, width, height, drawing.ratio, (p) => this.project(p), marks, this.scaleBar(), this.trail());
-    const { north } = this.data;
-    if (state.mode === "plan" && north) drawNorth(context, Math.atan2(dot(north, this.basis[0]), dot(north, this.basis[1])));
-  }
-
-  /** Distance of what is in the middle of the picture, for the scale bar. */
-  private measureMiddle(): void {
-    const { cameras, width, height, state } = this;
-    if (isOutside(state.mode) || !this.isLoaded) return;
-    const found = pick(this.cloud, cameras.current, width / 2, height / 2, width, height, kPickRadius);
-    this.middleDistance = found ? norm(sub(found.position, cameras.eye)) : 0;
-    this.drawOver();
-  }
-
-  /** Existing keyframes, in the order of the trajectory. */
-  private get keyframeCenters(): KeyframePlace[] {
-    return this.order.map((index) => {
-      const keyframe = this.data.keyframes[index]!;
-      return { index, center: this.centerOf(keyframe), hasPoints: keyframe.use === "depth map" };
-    });
-  }
-
-  private trail(): Trail {
-    const { state, data } = this;
-    const id = data.keyframes[state.keyframe]?.id;
-    return {
-      line: isOutside(state.mode) ? this.keyframeCenters.map((it) => it.center) : [],
-      rings: this.rings,
-      camera: this.liveCamera,
-      label: this.isStepped && id !== undefined ? `keyframe ${id}` : "",
-    };
-  }
-
-  /** Of a plan; else at the distance of what is in the middle. */
-  private scaleBar(): ScaleBar | null {
-    const { state, cameras } = this;
-    if (state.mode === "plan") {
-      const bar = scaleBar(cameras.focalLength, this.scale, null);
-      return this.printScale > 0 ? { ...bar, text: `${bar.text}, 1 : ${this.printScale}` } : bar;
-    }
-    const distance = state.mode === "orbit" ? cameras.pivotDistance : this.middleDistance;
-    return distance > 0 ? scaleBar(cameras.focalLength / distance, this.scale, distance) : null;
+    this.overlay.draw(this.width, this.height, this.drawing.ratio);
   }
 
   /** Pixels from the upper left corner; null where it is behind. */
@@ -445,7 +341,7 @@ export class Viewer {
 
   get eyes(): Eyes {
     const { keyframes, pixel } = this.data;
-    return { pixel, reach: this.cameras.extent / 2, camera: (i) => (keyframes[i] ? this.centerOf(keyframes[i]) : null) };
+    return { pixel, reach: this.cameras.extent / 2, camera: (i) => (keyframes[i] ? this.trajectory.centerOf(keyframes[i]) : null) };
   }
 
   /** Unit that lengths are shown in. */
@@ -462,9 +358,9 @@ export class Viewer {
   planPicture(width: number, height: number, scale: number, share: number): HTMLCanvasElement {
     const [before, tall] = [this.width, this.height];
     this.setSize(width, height);
-    this.printScale = scale;
+    this.overlay.printScale = scale;
     const picture = this.cameras.withWholePlan(share, () => this.picture());
-    this.printScale = 0;
+    this.overlay.printScale = 0;
     this.setSize(before, tall);
     this.frames.drawFew();
     this.frames.moved();
@@ -496,7 +392,7 @@ export class Viewer {
     copy.height = this.canvas.height;
     const context = copy.getContext("2d");
     context?.drawImage(this.canvas, 0, 0);
-    context?.drawImage(this.overlay, 0, 0, copy.width, copy.height);
+    context?.drawImage(this.overlay.canvas, 0, 0, copy.width, copy.height);
     return copy;
   }
 }

@@ -2,7 +2,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import type { NodePoints } from "../src/data";
-import { Detail, type DetailNode } from "../src/detail";
+import { angularSpacing, Detail, type DetailNode } from "../src/detail";
 import type { Vec3 } from "../src/geometry";
 
 /** A floor through the middle of the cube, `across` x `across` points. */
@@ -80,4 +80,28 @@ test("cubes elsewhere have no place in the octree", () => {
   const { detail } = made();
   assert.equal(detail.nodeOf(1, [8, 0, 0], 4), null);
   assert.equal(new Detail().nodeOf(1, [0, 0, 0], 4), null);
+});
+
+test("points of a keyframe are spaced evenly as its camera sees them, whatever share of the directions has points", () => {
+  const count = 20_000;
+  const eye: Vec3 = [0.4, 0.5, 0.6];
+  const seen = (share: number): NodePoints => {
+    const places: number[] = [];
+    for (let i = 0; i < count; ++i) {
+      const y = 1 - (2 * i + 1) / count; // Fibonacci's spiral
+      const [across, turn] = [Math.sqrt(1 - y * y), i * 2.399963];
+      const direction: Vec3 = [across * Math.sin(turn), y, across * Math.cos(turn)];
+      if (direction[0] > 2 * share - 1) continue;
+      const distance = 0.1 + 0.2 * (i % 2);
+      places.push(...direction.map((x, k) => Math.round(65535 * (eye[k as 0] + distance * x))), 0);
+    }
+    const none = new Uint8Array(places.length);
+    return { count: places.length / 4, positions: Uint16Array.from(places), colors: none, normalsAndViews: none, keyframes: new Uint16Array(places.length / 4) };
+  };
+  const truth = Math.sqrt((4 * Math.PI) / count);
+  for (const share of [1, 0.5, 0.2]) {
+    const ratio = angularSpacing(seen(share), eye) / truth;
+    assert.ok(ratio > 1.1 && ratio < 1.4, `${ratio} with ${share} of the directions`);
+  }
+  assert.equal(angularSpacing(floor(0), eye), 0);
 });

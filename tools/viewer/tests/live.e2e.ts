@@ -104,7 +104,7 @@ async function planOf(page: Page): Promise<{ seen: number; hatched: number }> {
   const found = await page.evaluate(() => {
     const { viewer, live } = (window as any).pmspPage;
     viewer.draw();
-    const canvas = viewer.overlay as HTMLCanvasElement;
+    const canvas = viewer.overlay.canvas as HTMLCanvasElement;
     const { data } = canvas.getContext("2d")!.getImageData(0, 0, canvas.width, canvas.height);
     let hatched = 0;
     for (let i = 0; i < data.length; i += 4) {

@@ -45,7 +45,7 @@ const press = async (page: Page, key: string): Promise<void> => {
 /** Where rings are in the window. */
 const ringsOf = async (page: Page): Promise<{ keyframe: number; x: number; y: number }[]> => {
   const box = (await page.locator("#points").boundingBox())!;
-  const rings = (await page.evaluate(() => (window as any).pmspPage.viewer.rings)) as { keyframe: number; x: number; y: number }[];
+  const rings = (await page.evaluate(() => (window as any).pmspPage.viewer.overlay.rings)) as { keyframe: number; x: number; y: number }[];
   return rings.map((it) => ({ keyframe: it.keyframe, x: it.x + box.x, y: it.y + box.y }));
 };
 
@@ -97,7 +97,7 @@ test("every view has a scale bar, and the path shows where keyframes are", async
 
 test("the storeys are found, and one can be shown alone", async () => {
   const page = await open("view=plan");
-  const found = (await page.evaluate(() => (window as any).pmspPage.viewer.storeys)) as { floor: number; camera: number }[];
+  const found = (await page.evaluate(() => (window as any).pmspPage.viewer.trajectory.storeys)) as { floor: number; camera: number }[];
   assert.equal(found.length, 2);
   found.forEach((it, i) => {
     assert.ok(Math.abs(it.floor - kFloors[i]!) < 0.1, `${it.floor}`);
@@ -182,7 +182,7 @@ test("N and B mark keyframes from outside without moving what is seen, and go to
     await press(page, "n");
     const [inside, mode] = (await page.evaluate(() => {
       const { viewer, state } = (window as any).pmspPage;
-      return [viewer.cameras.isInPicture(viewer.centerOf(viewer.data.keyframes[2]), 0), state.mode];
+      return [viewer.cameras.isInPicture(viewer.trajectory.centerOf(viewer.data.keyframes[2]), 0), state.mode];
     })) as [boolean, string];
     assert.ok(inside);
     assert.equal(mode, hash === "" ? "orbit" : "plan");
@@ -265,7 +265,7 @@ test("a plan prints at 1 : 100", async () => {
 test("north is shown where it is known", async () => {
   const whitePixels = (page: Page): Promise<number> =>
     page.evaluate(() => {
-      const { data } = (window as any).pmspPage.viewer.overlay.getContext("2d").getImageData(10, 10, 60, 60);
+      const { data } = (window as any).pmspPage.viewer.overlay.canvas.getContext("2d").getImageData(10, 10, 60, 60);
       return [...data.keys()].filter((i) => i % 4 === 0 && data[i] > 250 && data[i + 3] === 255).length;
     });
   assert.equal(await whitePixels(await open("view=plan")), 0);
