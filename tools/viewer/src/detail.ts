@@ -9,6 +9,8 @@ import type { Vec3 } from "./geometry";
 const kAreaCells = 16;
 /** Spacing of unevenly spread points, in that of as many evenly spread ones. */
 const kUneven = 1.2;
+/** Most spacing, in the usual one: what is sparser is strays. */
+const kMostSpacing = 4;
 const kTextureWidth = 256;
 
 /** Node of the octree, with or without points in memory. */
@@ -17,6 +19,7 @@ export interface DetailNode {
   side: number;
   parent: DetailNode | null;
   children: (DetailNode | null)[];
+  points: number;
   /** Median point spacing, those of coarser cubes included; 0 = no points. */
   spacing: number;
   /** Points per side^2 of the surfaces in it, without those of coarser cubes. */
@@ -76,7 +79,7 @@ export class Detail {
   nodeOf(level: number, corner: Vec3, side: number): DetailNode | null {
     const node = (level: number, side: number, parent: DetailNode | null): DetailNode => {
       const children = new Array<DetailNode | null>(8).fill(null);
-      return { level, side, parent, children, spacing: 0, density: 0, index: 0, isDrawn: false, update: 0 };
+      return { level, side, parent, children, points: 0, spacing: 0, density: 0, index: 0, isDrawn: false, update: 0 };
     };
     if (!this.root) {
       if (level !== 0) return null;
@@ -96,6 +99,7 @@ export class Detail {
   /** The points of a node have changed; null = it has none. */
   static setPoints(node: DetailNode, points: NodePoints | null): void {
     node.density = points ? densityOf(points) : 0;
+    node.points = points?.count ?? 0;
     Detail.setSpacing(node);
   }
 
@@ -109,6 +113,13 @@ export class Detail {
     for (const child of node.children) if (child) Detail.setSpacing(child);
   }
 
+  /** Half of the points are spaced more narrowly. */
+  private static usualSpacing(nodes: readonly DetailNode[]): number {
+    const half = nodes.reduce((sum, node) => sum + node.points, 0) / 2;
+    let sum = 0;
+    return [...nodes].sort((a, b) => a.spacing - b.spacing).find((node) => (sum += node.points) >= half)?.spacing ?? 0;
+  }
+
   /** Writes the texture for the nodes to draw. */
   show(drawn: readonly DetailNode[]): void {
     this.updates += 1;
@@ -119,6 +130,7 @@ export class Detail {
       }
     }
     for (const node of drawn) node.isDrawn = true;
+    const most = kMostSpacing * Detail.usualSpacing(drawn);
     const order: DetailNode[] = this.root?.update === this.updates ? [this.root] : [];
     const values: number[] = [];
     for (let i = 0; i < order.length; ++i) {
@@ -131,7 +143,7 @@ export class Detail {
         mask |= 1 << octant;
         order.push(child);
       });
-      values.push(mask, first, node.isDrawn ? node.spacing : 0, 0);
+      values.push(mask, first, node.isDrawn ? Math.min(node.spacing, most) : 0, 0);
     }
     const capacity = this.texture.image.data as Float32Array<ArrayBuffer>;
     if (values.length > capacity.length) {

@@ -54,7 +54,7 @@ test("points are as large as the finest cube drawn at their place lets them be",
 test("a cube whose parent is still loading has its own size, and so have the coarser points within it", () => {
   const { detail, root, child, grandchild } = made();
   Detail.setPoints(root, floor(128));
-  Detail.setPoints(grandchild, floor(128));
+  Detail.setPoints(grandchild, floor(100));
   detail.show([root, grandchild]);
   const alone = grandchild.spacing;
   assert.ok(alone > 0 && alone < root.spacing / 3, `${alone} ${root.spacing}`);
@@ -80,6 +80,16 @@ test("cubes elsewhere have no place in the octree", () => {
   const { detail } = made();
   assert.equal(detail.nodeOf(1, [8, 0, 0], 4), null);
   assert.equal(new Detail().nodeOf(1, [0, 0, 0], 4), null);
+});
+
+test("strays in an empty cube are not drawn much larger than other points", () => {
+  const { detail, root, child } = made();
+  Detail.setPoints(root, floor(2));
+  Detail.setPoints(child, floor(128));
+  detail.show([root, child]);
+  assert.ok(root.spacing > 10 * child.spacing, `${root.spacing} ${child.spacing}`);
+  const drawn = spacingAt(detail, root, [0.2, 0.2, 0]);
+  assert.ok(drawn <= 4.001 * child.spacing, `${drawn} ${child.spacing}`);
 });
 
 test("points of a keyframe are spaced evenly as its camera sees them, whatever share of the directions has points", () => {

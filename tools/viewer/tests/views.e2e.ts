@@ -87,8 +87,8 @@ test("the first view is filled by the building, straightened to its walls, whate
 test("every view has a scale bar, and the path shows where keyframes are", async () => {
   for (const hash of ["", "view=plan", "view=walk&keyframe=3"]) {
     const page = await open(hash);
-    await page.waitForFunction(() => (window as any).pmspPage.viewer.scaleBar() !== null);
-    const text = (await page.evaluate(() => (window as any).pmspPage.viewer.scaleBar().text)) as string;
+    await page.waitForFunction(() => (window as any).pmspPage.viewer.overlay.scaleBar() !== null);
+    const text = (await page.evaluate(() => (window as any).pmspPage.viewer.overlay.scaleBar().text)) as string;
     assert.match(text, hash === "view=plan" ? /^\d+ m$/ : /^[\d.]+ m at [\d.]+ m$/);
     assert.ok((await ringsOf(page)).length >= 3, hash);
     await page.context().close();
@@ -175,7 +175,7 @@ test("N and B mark keyframes from outside without moving what is seen, and go to
     await press(page, "b");
     assert.equal(await keyframeOf(page), 1);
     assert.deepEqual(await eyeOf(page), eye);
-    assert.equal(await page.evaluate(() => (window as any).pmspPage.viewer.trail().label), "keyframe 1");
+    assert.equal(await page.evaluate(() => (window as any).pmspPage.viewer.overlay.trail().label), "keyframe 1");
     // One that is out of the picture is brought into it.
     for (let i = 0; i < 6; ++i) await press(page, "+");
     await page.evaluate(() => (window as any).pmspPage.viewer.cameras.walk([3, 0, 0]));
