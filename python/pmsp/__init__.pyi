@@ -6,7 +6,7 @@ are read-only views that keep their owner alive. Calls that compute or block rel
 time, unless its class says otherwise; else Error. Exceptions of callbacks, KeyboardInterrupt too, leave the call.
 """
 from os import PathLike
-from typing import Any, Callable, ClassVar, Final, List, Optional, Sequence, Set, Union, overload
+from typing import Any, Callable, ClassVar, Dict, Final, List, Optional, Sequence, Set, Union, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -762,6 +762,29 @@ class CloudUnit:
     by: str
     def __init__(self) -> None: ...
 
+class OutputView:
+    """Image of a keyframe in a dataset."""
+
+    keyframe_id: int
+    timestamp: float
+    cam_from_file: RigidTransform
+    name: str
+    """File name of the image, unique."""
+    width: int
+    height: int
+    has_mask: bool
+    def __init__(self) -> None: ...
+
+class DatasetDepth:
+    """Depth images of a dataset: distance from the camera centre, normals and confidence of each image."""
+
+    png: bool
+    exr: bool
+    png_scale: float
+    lens_distance: float
+    def __init__(self) -> None: ...
+    def is_wanted(self) -> bool: ...
+
 class CloudHeader:
     """Cloud metadata."""
 
@@ -785,10 +808,31 @@ class CloudHeader:
     @scratch.setter
     def scratch(self, value: _Path) -> None: ...
     threads: int
+    @property
+    def export_views(self) -> Optional[Callable[[PathLike[str]], List[OutputView]]]:
+        """For datasets: writes the images into `images` of the directory, masks into `masks`, and returns their cameras."""
+    @export_views.setter
+    def export_views(self, value: Optional[Callable[[PathLike[str]], List[OutputView]]]) -> None: ...
+    dataset_points: int
+    dataset_depth: DatasetDepth
+    cameras: Dict[int, RigidTransform]
+    """For maps for robots: file from camera, by keyframe id. A copy: assign a dict to change it."""
+    cell_size: float
+    """Side of the cells of maps for robots, > 0 [unit of the file], as all lengths below."""
+    least_rays: int
+    robot_height: float
+    robot_step: float
+    robot_slope_deg: float
+    map_units: bool
+    """Accept maps for robots in map units."""
     def __init__(self) -> None: ...
 
+@overload
 def cloud_header_of(map: SlamMap, options: DensifierOptions) -> CloudHeader:
     """Returns the header of pmsp-densify for a cloud in map units."""
+@overload
+def cloud_header_of(map: SlamMap, file_from_map: Similarity = ..., range_margin: float = ...) -> CloudHeader:
+    """Returns a header with file_from_map, center, reach and cameras."""
 
 class CloudOutput:
     """Output of points to a file or directory in the format of its extension, which appears with `commit`."""
@@ -803,6 +847,10 @@ class CloudOutput:
     @overload
     def add(self, points: NDArray[np.void], file_from_points: Similarity) -> None:
         """points: (n,) of OutputPoint. Raises OutputError."""
+    def add_depth(self, map: DepthMap) -> None:
+        """Adds the depth map of a keyframe to datasets; densify with this output does."""
+    def wants_depth(self) -> bool:
+        """Whether add_depth has an effect."""
     def points_in(self) -> int:
         """Number of added points."""
     def points(self) -> int:

@@ -43,6 +43,15 @@ void add_header(py::module_& m) {
       .value("MAP", CloudUnit::Kind::kMap)
       .value("METRES", CloudUnit::Kind::kMetres);
   unit.def(py::init<>()).def_readwrite("kind", &CloudUnit::kind).def_readwrite("by", &CloudUnit::by);
+  py::class_<OutputView> view(m, "OutputView");
+  view.def(py::init<>());
+  read_write(view, "keyframe_id", &OutputView::keyframe_id, "timestamp", &OutputView::timestamp, "cam_from_file",
+             &OutputView::cam_from_file, "name", &OutputView::name, "width", &OutputView::width, "height",
+             &OutputView::height, "has_mask", &OutputView::has_mask);
+  py::class_<DatasetDepth> depth(m, "DatasetDepth");
+  depth.def(py::init<>()).def("is_wanted", &DatasetDepth::is_wanted);
+  read_write(depth, "png", &DatasetDepth::png, "exr", &DatasetDepth::exr, "png_scale", &DatasetDepth::png_scale,
+             "lens_distance", &DatasetDepth::lens_distance);
   py::class_<CloudHeader>(m, "CloudHeader")
       .def(py::init<>())
       .def_readwrite("generator", &CloudHeader::generator)
@@ -57,9 +66,22 @@ void add_header(py::module_& m) {
       .def_readwrite("year", &CloudHeader::year)
       .def_readwrite("day_of_year", &CloudHeader::day_of_year)
       .def_readwrite("scratch", &CloudHeader::scratch)
-      .def_readwrite("threads", &CloudHeader::threads);
+      .def_readwrite("threads", &CloudHeader::threads)
+      .def_readwrite("export_views", &CloudHeader::export_views)
+      .def_readwrite("dataset_points", &CloudHeader::dataset_points)
+      .def_readwrite("dataset_depth", &CloudHeader::dataset_depth)
+      .def_readwrite("cameras", &CloudHeader::cameras)
+      .def_readwrite("cell_size", &CloudHeader::cell_size)
+      .def_readwrite("least_rays", &CloudHeader::least_rays)
+      .def_readwrite("robot_height", &CloudHeader::robot_height)
+      .def_readwrite("robot_step", &CloudHeader::robot_step)
+      .def_readwrite("robot_slope_deg", &CloudHeader::robot_slope_deg)
+      .def_readwrite("map_units", &CloudHeader::map_units);
   m.def("cloud_header_of", py::overload_cast<const SlamMap&, const DensifierOptions&>(&cloud_header_of), py::arg("map"),
         py::arg("options"), py::call_guard<py::gil_scoped_release>());
+  m.def("cloud_header_of", py::overload_cast<const SlamMap&, const Similarity&, double>(&cloud_header_of),
+        py::arg("map"), py::arg("file_from_map") = Similarity(), py::arg("range_margin") = InitOptions().range_margin,
+        py::call_guard<py::gil_scoped_release>());
 }
 
 void add_output(py::module_& m) {
@@ -84,6 +106,15 @@ void add_output(py::module_& m) {
             self.add(values.data(), values.size(), file_from_points);
           },
           py::arg("points"), py::arg("file_from_points"))
+      .def(
+          "add_depth",
+          [](CloudOutput& self, const DepthMap& map) {
+            const Reserved reserved("CloudOutput.add_depth", {&self});
+            const py::gil_scoped_release released;
+            self.add_depth(map);
+          },
+          py::arg("map"))
+      .def("wants_depth", checked("CloudOutput.wants_depth", &CloudOutput::wants_depth))
       .def("points_in", checked("CloudOutput.points_in", &CloudOutput::points_in))
       .def("points", checked("CloudOutput.points", &CloudOutput::points))
       .def("complete", exclusive("CloudOutput.complete", &CloudOutput::complete))

@@ -178,6 +178,12 @@ DensifierStats densify_files(const SlamMap& map, ImageSource& images, const Dens
       output->add(points);
       if (cloud) cloud(points);
     };
+    if (output->wants_depth()) {
+      callbacks.filtered_depth = [output, take = std::move(callbacks.filtered_depth)](const DepthMap& depth) {
+        output->add_depth(depth);
+        if (take) take(depth);
+      };
+    }
   }
   DensifyExtras extras;
   extras.masks = masks;

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """Maps, images, clouds and depth maps as files; the example of README.md."""
+import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 
@@ -48,6 +50,69 @@ def test_each_preset_and_format_gives_the_bytes_of_the_tool(tool, data, slam_map
         words = ("--quality", quality, "--width", options.width, "--height", options.height)
         run_tool(tool, data / "map.msg", "--images", data / "images", *words, "-o", tmp_path / f"tool.{extension}")
         assert path.read_bytes() == (tmp_path / f"tool.{extension}").read_bytes()
+
+
+def test_maps_for_robots_give_the_bytes_of_the_tool(tool, data, slam_map, options, tmp_path):
+    upright = pmsp.Similarity(1.46, np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]]), np.zeros(3))  # z upwards, metres
+    header = pmsp.cloud_header_of(slam_map, upright)
+    header.generator, header.unit.kind = "pmsp-densify " + pmsp.__version__, pmsp.CloudUnit.Kind.METRES
+    header.scratch, header.cell_size, header.least_rays = tmp_path, 0.2, 2
+    header.robot_height, header.robot_step, header.robot_slope_deg = 0.8, 0.3, 30.0
+    outputs = [pmsp.CloudOutput(tmp_path / name, header) for name in ("mine.bt", "mine.pgm")]
+
+    def take(cloud):
+        for output in outputs:
+            output.add(cloud)
+
+    densify(data, slam_map, options, cloud=take)
+    for output in outputs:
+        output.commit()
+    matrix = np.eye(4)
+    matrix[:3, :3] = upright.rotation
+    np.savetxt(tmp_path / "upright.txt", matrix)
+    words = ["--width", options.width, "--height", options.height, "--quality", "online", "--scale", upright.scale]
+    words += ["--transform", tmp_path / "upright.txt", "--cell-size", 0.2, "--least-rays", 2, "--robot-height", 0.8]
+    words += ["--robot-step", 0.3, "--robot-slope", 30, "-o", tmp_path / "tool.bt", "-o", tmp_path / "tool.pgm"]
+    run_tool(tool, data / "map.msg", "--images", data / "images", *words)
+    for name in (".bt", ".pgm", ".elevation.tif", ".slope.tif"):
+        assert (tmp_path / f"mine{name}").read_bytes() == (tmp_path / f"tool{name}").read_bytes(), name
+    header.map_units, header.unit.kind = False, pmsp.CloudUnit.Kind.MAP
+    with pytest.raises(pmsp.InvalidInput, match="no metres"):
+        pmsp.CloudOutput(tmp_path / "mine.bt", header)
+
+
+def test_datasets_with_depth_are_those_of_the_tool(tool, data, slam_map, options, tmp_path):
+    header = pmsp.cloud_header_of(slam_map, options)
+    header.dataset_points, header.dataset_depth.png, header.dataset_depth.png_scale = 500, True, 1e-3
+    header.scratch = tmp_path
+
+    def export_views(folder):
+        views = []
+        for keyframe in slam_map.keyframes:
+            view = pmsp.OutputView()
+            view.keyframe_id, view.timestamp, view.cam_from_file = keyframe.id, keyframe.timestamp, keyframe.cam_from_world
+            source = pmsp.open_image_folder(slam_map, data / "images").origin(keyframe.id).file
+            view.name, view.width, view.height = source.name, 1920, 960
+            shutil.copy(source, folder / "images")
+            views.append(view)
+        return views
+
+    header.export_views = export_views
+    output = pmsp.CloudOutput(tmp_path / "mine.nerfstudio", header)
+    assert output.wants_depth()
+    densify(data, slam_map, options, output)
+    output.commit()
+    words = ("--width", options.width, "--height", options.height, "--quality", "online", "--dataset-points", 500)
+    words += ("--scale", 1, "--dataset-depth", "png", "-o", tmp_path / "tool.nerfstudio")
+    run_tool(tool, data / "map.msg", "--images", data / "images", *words)
+    files = sorted(path.relative_to(tmp_path / "tool.nerfstudio") for path in (tmp_path / "tool.nerfstudio").rglob("*.png"))
+    assert len(files) == 3 * 14
+    for name in files:
+        assert (tmp_path / "mine.nerfstudio" / name).read_bytes() == (tmp_path / "tool.nerfstudio" / name).read_bytes(), name
+    mine, other = (json.loads((tmp_path / f"{name}.nerfstudio/transforms.json").read_text()) for name in ("mine", "tool"))
+    assert len(mine["frames"]) == 14
+    for frame, expected in zip(mine["frames"], other["frames"]):
+        assert np.allclose(frame.pop("transform_matrix"), expected.pop("transform_matrix")) and frame == expected
 
 
 def test_progress_cancels_with_false_alone(data, slam_map, options):

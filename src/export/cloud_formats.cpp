@@ -59,6 +59,8 @@ void CloudWriter::set_window(std::int64_t, const std::vector<std::int64_t>&) {}
 
 void CloudWriter::add_depth(const DepthMap&) {}
 
+bool CloudWriter::wants_depth() const { return false; }
+
 bool CloudWriter::add_parallel(std::size_t, const PointProducer&) { return false; }
 
 }  // namespace pmsp

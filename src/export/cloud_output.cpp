@@ -185,6 +185,11 @@ void CloudOutput::add_depth(const DepthMap& map) {
   for (const auto& writer : impl_->writers) writer->add_depth(map);
 }
 
+bool CloudOutput::wants_depth() const {
+  const auto wants = [](const auto& writer) { return writer->wants_depth(); };
+  return std::any_of(impl_->writers.begin(), impl_->writers.end(), wants);
+}
+
 std::int64_t CloudOutput::points_in() const { return impl_->added; }
 std::int64_t CloudOutput::points() const { return impl_->written; }
 

@@ -50,6 +50,7 @@ class Colmap final : public CloudWriter {
   void add(const OutputPoint* points, std::size_t count) override { dataset_.add(points, count); }
 
   void add_depth(const DepthMap& map) override { dataset_.add_depth(map); }
+  bool wants_depth() const override { return dataset_.wants_depth(); }
 
   void finish() override {
     views_ = dataset_.put_images();

@@ -33,6 +33,7 @@ class DatasetFolder {
   void add_depth(const DepthMap& map) {
     if (depth_) depth_->add(map);
   }
+  bool wants_depth() const { return depth_.has_value(); }
 
   /// Images, masks and depth images, after the last point and depth map.
   std::vector<OutputView> put_images() {

@@ -84,6 +84,7 @@ CloudHeader cloud_header_of(const SlamMap& map, const DensifierOptions& options)
   header.generator = kGenerator;
   header.unit.kind = CloudUnit::Kind::kMap;
   header.comments = how_made(options);
+  header.dataset_depth.lens_distance = options.lens_distance;
   add_frame_comments(header.comments, header.file_from_map, header.unit, {});
   return header;
 }

@@ -74,6 +74,7 @@ DensifierStats densify(const SlamMap& map, ImageSource& images, const DensifierO
                        const DensifyExtras& extras) {
   DensifierCallbacks callbacks;
   callbacks.cloud = [&output](const KeyframeCloud& cloud) { output.add(cloud); };
+  if (output.wants_depth()) callbacks.filtered_depth = [&output](const DepthMap& depth) { output.add_depth(depth); };
   return densify(map, images, options, callbacks, extras);
 }
 

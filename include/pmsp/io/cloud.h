@@ -130,6 +130,7 @@ class PMSP_API CloudWriter {
   virtual void add(const OutputPoint* points, std::size_t count) = 0;
   /// Adds the depth map of a keyframe; only datasets use it, see CloudHeader::dataset_depth. Throws OutputError.
   virtual void add_depth(const DepthMap& map);
+  virtual bool wants_depth() const;  ///< whether `add_depth` has an effect
   /// Adds `count` points computed by `producer`, with several threads. Returns false, without effect, if unsupported.
   virtual bool add_parallel(std::size_t count, const PointProducer& producer);
   virtual void finish() = 0;  ///< completes the target; throws OutputError
@@ -229,6 +230,7 @@ class PMSP_API CloudOutput {
 
   /// Adds the depth map of a keyframe to datasets, see CloudHeader::dataset_depth.
   void add_depth(const DepthMap& map);
+  bool wants_depth() const;  ///< whether `add_depth` has an effect
 
   void complete();              ///< writes the points that remain after thinning; after the last `add`
   std::int64_t points() const;  ///< number of written points; with thinning after `complete`

@@ -59,7 +59,8 @@ struct DensifyExtras {
 PMSP_API DensifierStats densify(const SlamMap& map, ImageSource& images, const DensifierOptions& options,
                                 const DensifierCallbacks& callbacks, const DensifyExtras& extras = {});
 
-/// Adds the points to `output`. The caller must commit it; without, no file appears. Also throws OutputError.
+/// Adds the points, and depth maps for datasets, to `output`. The caller must commit it; without, no file appears. Also
+/// throws OutputError.
 PMSP_API DensifierStats densify(const SlamMap& map, ImageSource& images, const DensifierOptions& options,
                                 CloudOutput& output, const DensifyExtras& extras = {});
 
