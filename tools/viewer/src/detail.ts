@@ -9,6 +9,8 @@ import type { Vec3 } from "./geometry";
 const kAreaCells = 16;
 /** Spacing of unevenly spread points, in that of as many evenly spread ones. */
 const kUneven = 1.2;
+/** Spacing of a keyframe's points, in that of all keyframes that see the same. */
+const kOverlapping = 2;
 /** Most spacing, in the usual one: what is sparser is strays. */
 const kMostSpacing = 4;
 const kTextureWidth = 256;
@@ -49,7 +51,10 @@ function densityOf(points: NodePoints): number {
   return usualCount(counts) * kAreaCells ** 2;
 }
 
-/** Spacing, at distance 1, of points that a camera saw; `eye`: its centre in their unit cube. 0 = no points. */
+/**
+ * Spacing, at distance 1, of points that a camera saw, with those of as many other keyframes in between; `eye`: the
+ * camera's centre in the points' unit cube. 0 = no points.
+ */
 export function angularSpacing(points: NodePoints, eye: Vec3): number {
   const counts = new Uint32Array(2 * kAreaCells * kAreaCells);
   for (let i = 0; i < points.count; ++i) {
@@ -59,7 +64,7 @@ export function angularSpacing(points: NodePoints, eye: Vec3): number {
     counts[Math.floor(down * kAreaCells) * 2 * kAreaCells + Math.floor(across * 2 * kAreaCells)]! += 1;
   }
   const usual = usualCount(counts);
-  return usual > 0 ? kUneven * Math.sqrt((4 * Math.PI) / counts.length / usual) : 0;
+  return usual > 0 ? (kUneven / kOverlapping) * Math.sqrt((4 * Math.PI) / counts.length / usual) : 0;
 }
 
 export class Detail {

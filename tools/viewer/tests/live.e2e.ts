@@ -267,8 +267,8 @@ test("a run shows its points while it works, says when it is done, and then ends
   assert.deepEqual(await violations(page), []);
   // The camera stands where the newest keyframe does, which is the last of the trajectory.
   const [camera, newest] = (await page.evaluate(() => {
-    const { liveCamera, keyframeCenters } = (window as any).pmspPage.viewer;
-    return [liveCamera, keyframeCenters.at(-1).center];
+    const { camera, places } = (window as any).pmspPage.viewer.trajectory;
+    return [camera, places.at(-1).center];
   })) as [number[], number[]];
   assert.ok(Math.hypot(...camera.map((v, i) => v - newest[i]!)) < 0.01, `camera at ${camera}, newest keyframe at ${newest}`);
   await page.click("text=Flight");
