@@ -67,7 +67,7 @@ if (what === "--write" || (what === "--to" && file)) {
   });
 } else if (what === "--browser-test") {
   await build({
-    entryPoints: ["page", "measure", "live", "stream", "screens", "views"].map((name) => join(here, "tests", `${name}.e2e.ts`)),
+    entryPoints: ["page.e2e", "measure.e2e", "live.e2e", "stream.e2e", "screens.e2e", "views.e2e", "suites"].map((name) => join(here, "tests", `${name}.ts`)),
     bundle: true,
     platform: "node",
     format: "esm",

@@ -3,13 +3,13 @@
 // another version's software rendering. PMSP_SCREENS=write writes them anew. Needs PMSP_DENSIFY and PMSP_SYNTH; exits
 // with 77 where there is no chromium.
 import assert from "node:assert/strict";
-import { execFileSync } from "node:child_process";
 import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { after, before, test } from "node:test";
 import type { Browser } from "playwright-core";
 import { chromiumPath, difference, idle, openFile, startBrowser } from "./browser";
+import { roomReport } from "./room";
 
 const { PMSP_DENSIFY: densify, PMSP_SYNTH: synth, PMSP_SCREENS: mode } = process.env;
 if (!chromiumPath() || !densify || !synth) {
@@ -19,18 +19,11 @@ if (!chromiumPath() || !densify || !synth) {
 
 const screens = join(process.cwd(), "tests", "screens");
 const folder = mkdtempSync(join(tmpdir(), "pmsp-screens-"));
-const report = join(folder, "report.html");
+let report: string;
 let browser: Browser;
 
 before(async () => {
-  const mission = join(folder, "mission");
-  execFileSync(synth, ["--scene", "room", "--width", "1024", "--keyframes", "6", "-o", mission], { stdio: "ignore" });
-  execFileSync(
-    densify,
-    ["run", join(mission, "map.msg"), "--images", join(mission, "images"), "-o", join(folder, "c.ply"), "--report", report]
-      .concat(["--quality", "online", "--backend", "cpu", "--width", "640", "--height", "320", "--progress", "none", "--scale", "1"]),
-    { stdio: ["ignore", "ignore", "inherit"] },
-  );
+  report = roomReport(folder);
   browser = await startBrowser();
 });
 
