@@ -237,6 +237,8 @@ test("a phone's window holds the page", { skip: skipInFirefox }, async () => {
   const { page, errors } = await openFile(browser, report, { width: 390, height: 780, touch: true });
   assert.ok((await page.evaluate(() => document.documentElement.scrollWidth)) <= 390);
   await page.tap("text=Photo >> nth=0");
+  const slider = (await page.locator("#flight input").boundingBox())!;
+  assert.ok(slider.x > 0 && slider.x + slider.width < 390, JSON.stringify(slider));
   assert.ok((await lightPixels(page)) > 0.1);
   assert.deepEqual(errors, []);
   await page.context().close();
