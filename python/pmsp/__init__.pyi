@@ -613,6 +613,7 @@ class MapKeyframe:
     cam_from_world: Final[RigidTransform]
     image: Final[str]
     mask: Final[PathLike[str]]
+    prior_depth: Final[PathLike[str]]
     observations: Final[NDArray[np.void]]
     """(n,) of MapObservation."""
 
@@ -634,6 +635,7 @@ class SlamMap:
     pixel_centers_at_integers: Final[bool]
     observations_are_measured: Final[bool]
     ids_are_row_numbers: Final[bool]
+    masks_are_instances: Final[bool]
     notes: Final[List[str]]
     def find_keyframe(self, id: int) -> Optional[MapKeyframe]: ...
 
@@ -668,6 +670,8 @@ class ImageSource:
     class Origin:
         file: Final[PathLike[str]]
         frame: Final[str]
+        def name(self) -> PathLike[str]:
+            """The file, for a frame VIDEO/FRAME.jpg: a name for masks and prior depth."""
 
     def keyframe_ids(self) -> List[int]: ...
     def skipped(self) -> List[SkippedKeyframe]: ...

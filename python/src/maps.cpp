@@ -36,7 +36,7 @@ void add_map(py::module_& m) {
     using T = MapKeyframe;
     py::class_<T> c(m, "MapKeyframe");
     read_only(c, "id", &T::id, "timestamp", &T::timestamp, "source_frame", &T::source_frame, "camera", &T::camera,
-              "image", &T::image, "mask", &T::mask);
+              "image", &T::image, "mask", &T::mask, "prior_depth", &T::prior_depth);
     c.def_property_readonly("cam_from_world", [](const MapKeyframe& self) {
        return self.cam_from_world;
      }).def_property_readonly("observations", view_of(&MapKeyframe::observations));
@@ -48,7 +48,8 @@ void add_map(py::module_& m) {
               &T::observations_skipped, "observations_repeated", &T::observations_repeated, "images", &T::images,
               "component", &T::component, "component_keyframes", &T::component_keyframes, "pixel_centers_at_integers",
               &T::pixel_centers_at_integers, "observations_are_measured", &T::observations_are_measured,
-              "ids_are_row_numbers", &T::ids_are_row_numbers, "notes", &T::notes);
+              "ids_are_row_numbers", &T::ids_are_row_numbers, "masks_are_instances", &T::masks_are_instances, "notes",
+              &T::notes);
     c.def_property_readonly(
          "keyframes",
          [](const py::object& self) {
@@ -92,7 +93,8 @@ void add_images(py::module_& m) {
       .def_property_readonly("image", view_of(&ImageSource::Item::image));
   py::class_<ImageSource::Origin>(source, "Origin")
       .def_readonly("file", &ImageSource::Origin::file)
-      .def_readonly("frame", &ImageSource::Origin::frame);
+      .def_readonly("frame", &ImageSource::Origin::frame)
+      .def("name", &ImageSource::Origin::name);
   using Source = ImageSource;
   source.def("keyframe_ids", checked("ImageSource.keyframe_ids", &Source::keyframe_ids))
       .def("skipped", checked("ImageSource.skipped", &Source::skipped))

@@ -10,6 +10,7 @@
 #include "export/files.h"
 #include "pmsp/error.h"
 #include "util/text.h"
+#include "zip_member.h"
 
 namespace pmsp {
 
@@ -32,6 +33,11 @@ std::string to_message(double value) { return number_text(value, "%.10g"); }
 
 BinaryInput::BinaryInput(const std::filesystem::path& path) : path_(path) {
   constexpr std::uint64_t kBufferBytes = std::uint64_t{1} << 20;
+  if (!io::archive_of(path).empty()) {
+    buffer_ = io::read_zip_member(path);
+    size_ = read_ = end_ = buffer_.size();
+    return;
+  }
   require_regular_file(path);
   file_.rdbuf()->pubsetbuf(nullptr, 0);  // a second buffer would only copy
   file_.open(path, std::ios::binary);

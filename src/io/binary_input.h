@@ -23,8 +23,8 @@ std::string in_quotes(const std::string& text);
 /// Formats a number for messages.
 std::string to_message(double value);
 
-/// Byte stream of a file with a buffer of 1 MiB; numbers are little-endian. Throws IoError if it cannot be read,
-/// InvalidInput with the byte offset if it ends too early.
+/// Byte stream of a file with a buffer of 1 MiB, or of a member of a ZIP archive (io::archive_of); numbers are
+/// little-endian. Throws IoError if it cannot be read, InvalidInput with the byte offset if it ends too early.
 class BinaryInput {
  public:
   explicit BinaryInput(const std::filesystem::path& path);

@@ -25,7 +25,8 @@ std::optional<CameraCalibration> calibrate_camera(const SlamMap& map, const Imag
       Keyframe keyframe = keyframe_of(map, *in_map);
       keyframe.image = item->image.view();
       if (masks != nullptr) {
-        keyframe.mask = masks->mask_for(source->origin(keyframe.id).file, keyframe.image.width, keyframe.image.height);
+        keyframe.mask =
+            masks->mask_for(source->origin(keyframe.id).name(), keyframe.image.width, keyframe.image.height);
       }
       if (options.lenses) lenses.add(keyframe, &executor);
       if (options.rig) rig.add(keyframe, executor);

@@ -21,10 +21,12 @@ DensifierStats densify(const SlamMap& map, ImageSource& images, const DensifierO
   io::MissionLog log;
   if (extras.warning) log.warning = extras.warning;
   io::Mission mission({extras.verify, extras.verify, given.threads}, log);
-  MaskSource alpha_alone{MaskOptions{}};
-  mission.prior_depths = io::PriorDepths(extras.prior_depth, extras.image_folder);
+  MaskOptions of_map;
+  if (extras.masks == nullptr) io::name_masks(map, images, of_map);
+  MaskSource own_masks(of_map);
+  mission.prior_depths = io::PriorDepths(extras.prior_depth, extras.image_folder, map);
   mission.set_map(map);
-  mission.set_images(images, extras.masks != nullptr ? *extras.masks : alpha_alone);
+  mission.set_images(images, extras.masks != nullptr ? *extras.masks : own_masks);
   mission.check_poses();
   if (mission.map.landmarks.empty()) {
     throw InvalidInput(map.path.string() +

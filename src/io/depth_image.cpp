@@ -10,16 +10,16 @@
 
 #include <zlib.h>
 
+#include "npy.h"
 #include "pmsp/io/depth.h"
 #include "text_input.h"
+#include "zip_member.h"
 
 namespace pmsp {
 namespace {
 
 constexpr std::size_t kLongestName = 255;  ///< of an EXR attribute or channel
 constexpr std::int64_t kMostPixels = std::int64_t{16384} * 8192;
-/// No more can come out of a byte that zlib has packed ("maximum expansion factor", zlib's technical details).
-constexpr std::size_t kMostExpansion = 1032;
 
 /// Bits of an IEEE 754 half.
 float from_half(std::uint16_t bits) {
@@ -158,7 +158,7 @@ class ExrReader {
     std::size_t row_bytes = 0;
     for (const ExrChannel& channel : header.channels) row_bytes += bytes_of_row(channel, header);
     const std::size_t height = static_cast<std::size_t>(header.height);
-    const std::size_t expansion = header.compression == kNone ? 1 : kMostExpansion;
+    const std::size_t expansion = header.compression == kNone ? 1 : io::kMaxInflation;
     if (row_bytes > file_.size() * expansion / height) {
       file_.refuse("the file is too short for " + std::to_string(header.width) + " x " + std::to_string(header.height) +
                    " pixels; is it cut off?");
@@ -245,28 +245,38 @@ std::string npy_value(const BinaryInput& file, const std::string& header, const 
   return header.substr(at + (is_enclosed ? 1 : 0), end - at - (is_enclosed ? 1 : 0));
 }
 
-/// Sides of an array; those of 1 do not count where there are more than two.
-std::vector<std::int64_t> npy_shape(const BinaryInput& file, const std::string& text) {
+struct NpyHeader {
+  std::string type;   ///< "<f4"
+  std::string shape;  ///< "3, 5"
   std::vector<std::int64_t> sides;
-  for (const std::string& word : words_of(text, " ,")) {
+};
+
+NpyHeader npy_header(BinaryInput& file) {
+  if (!file.take_if("\x93NUMPY")) file.fail("is no NPY");
+  const int version = file.number<std::uint8_t>();
+  file.skip(1);
+  if (version < 1 || version > 3) file.refuse("version " + std::to_string(version) + " of NPY; expected 1 to 3");
+  const std::size_t length = version == 1 ? file.number<std::uint16_t>() : file.number<std::uint32_t>();
+  const std::string text(file.take(length), length);
+  NpyHeader header{npy_value(file, text, "descr"), npy_value(file, text, "shape"), {}};
+  const std::string order = npy_value(file, text, "fortran_order");
+  if (order.rfind("False", 0) != 0) file.refuse("its values are in Fortran order; expected C order (row by row)");
+  for (const std::string& word : words_of(header.shape, " ,")) {
     const std::optional<std::int64_t> side = plain_number_from<std::int64_t>(word);
-    if (!side || *side < 0) file.refuse("its shape is (" + text + "); expected whole numbers");
-    sides.push_back(*side);
+    if (!side || *side < 0) file.refuse("its shape is (" + header.shape + "); expected whole numbers");
+    header.sides.push_back(*side);
   }
-  for (std::size_t i = 0; i < sides.size() && sides.size() > 2;) {
-    if (sides[i] == 1) {
-      sides.erase(sides.begin() + static_cast<std::ptrdiff_t>(i));
-    } else {
-      ++i;
-    }
-  }
-  if (sides.size() != 2) file.refuse("its shape is (" + text + "); expected rows and columns");
-  return sides;
+  return header;
 }
 
-template <class T, class From>
-void take_values(BinaryInput& file, Image<float>& image, const From& from) {
-  for (float& value : image.pixels()) value = from(file.number<T>());
+template <class T, class From, class Value>
+void take_values(BinaryInput& file, std::vector<Value>& values, const From& from) {
+  for (Value& value : values) value = from(file.number<T>());
+}
+
+template <class T, class Value>
+void take_values(BinaryInput& file, std::vector<Value>& values) {
+  take_values<T>(file, values, [](T value) { return static_cast<Value>(value); });
 }
 
 }  // namespace
@@ -297,25 +307,52 @@ Image<float> read_exr_depth(const std::filesystem::path& path) {
 
 Image<float> read_npy(const std::filesystem::path& path) {
   BinaryInput file(path);
-  if (!file.take_if("\x93NUMPY")) file.fail("is no NPY");
-  const int version = file.number<std::uint8_t>();
-  file.skip(1);
-  if (version < 1 || version > 3) file.refuse("version " + std::to_string(version) + " of NPY; expected 1 to 3");
-  const std::size_t length = version == 1 ? file.number<std::uint16_t>() : file.number<std::uint32_t>();
-  const std::string header(file.take(length), length);
-  const std::string type = npy_value(file, header, "descr");
-  const std::string order = npy_value(file, header, "fortran_order");
-  const std::vector<std::int64_t> sides = npy_shape(file, npy_value(file, header, "shape"));
-  if (order.rfind("False", 0) != 0) file.refuse("its values are in Fortran order; expected C order (row by row)");
+  NpyHeader header = npy_header(file);
+  std::vector<std::int64_t>& sides = header.sides;
+  for (auto side = sides.begin(); sides.size() > 2 && side != sides.end();) {
+    side = *side == 1 ? sides.erase(side) : side + 1;
+  }
+  if (sides.size() != 2) file.refuse("its shape is (" + header.shape + "); expected rows and columns");
   check_size(file, sides[1], sides[0]);
+  const std::string& type = header.type;
   const std::size_t bytes = type == "<f2" ? 2 : type == "<f4" ? 4 : type == "<f8" ? 8 : 0;
   if (bytes == 0) file.refuse("its values are \"" + type + "\"; expected <f2, <f4 or <f8 (little-endian floats)");
   file.require(bytes * static_cast<std::size_t>(sides[0] * sides[1]));
   Image<float> image(static_cast<int>(sides[1]), static_cast<int>(sides[0]));
-  if (bytes == 2) take_values<std::uint16_t>(file, image, from_half);
-  if (bytes == 4) take_values<float>(file, image, [](float value) { return value; });
-  if (bytes == 8) take_values<double>(file, image, [](double value) { return static_cast<float>(value); });
+  if (bytes == 2) take_values<std::uint16_t>(file, image.pixels(), from_half);
+  if (bytes == 4) take_values<float>(file, image.pixels());
+  if (bytes == 8) take_values<double>(file, image.pixels());
   return image;
+}
+
+NpyArray read_npy_array(const std::filesystem::path& path) {
+  BinaryInput file(path);
+  const NpyHeader header = npy_header(file);
+  std::uint64_t count = 1;
+  for (const std::int64_t side : header.sides) {
+    if (side > 0 && count > file.size() / static_cast<std::uint64_t>(side)) {
+      file.refuse("its shape is (" + header.shape + "), more than the file holds; it is truncated or damaged");
+    }
+    count *= static_cast<std::uint64_t>(side);
+  }
+  NpyArray array{header.sides, {}};
+  const auto take = [&](auto zero) {
+    file.require(sizeof zero * count);
+    array.values.resize(count);
+    take_values<decltype(zero)>(file, array.values);
+  };
+  if (header.type == "<f4") {
+    take(float{});
+  } else if (header.type == "<f8") {
+    take(double{});
+  } else if (header.type == "<i4") {
+    take(std::int32_t{});
+  } else if (header.type == "<i8") {
+    take(std::int64_t{});
+  } else {
+    file.refuse("its values are \"" + header.type + "\"; expected <f4, <f8, <i4 or <i8 (little-endian numbers)");
+  }
+  return array;
 }
 
 }  // namespace pmsp

@@ -19,6 +19,7 @@
 #include "jpeg_segments.h"
 #include "panorama_size.h"
 #include "pmsp/error.h"
+#include "zip_member.h"
 
 namespace pmsp::io {
 namespace {
@@ -27,6 +28,10 @@ constexpr std::uintmax_t kMaxFileBytes = std::uintmax_t{1} << 30;
 constexpr std::uint64_t kMaxPixels = std::uint64_t{16384} * 8192;
 
 std::vector<std::uint8_t> read_bytes(const std::filesystem::path& path) {
+  if (!archive_of(path).empty()) {
+    const std::string bytes = read_zip_member(path);
+    return {bytes.begin(), bytes.end()};
+  }
   std::error_code error;
   const std::uintmax_t size = std::filesystem::file_size(path, error);
   if (error) throw IoError(path.string() + ": cannot be read: " + error.message());

@@ -14,7 +14,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kMaxDepth = 64;
+constexpr int kMaxNesting = 64;
 
 /// Characters of a file, with null instead of NaN, Infinity and -Infinity outside of strings.
 class JsonCharacters {
@@ -96,8 +96,8 @@ class Guard {
 
   bool operator()(int depth, json::parse_event_t event, json& value) {
     characters_.token_seen();
-    if (depth > kMaxDepth) {
-      in_.refuse("values nested " + std::to_string(depth) + " deep, expected " + std::to_string(kMaxDepth));
+    if (depth > kMaxNesting) {
+      in_.refuse("values nested " + std::to_string(depth) + " deep, expected " + std::to_string(kMaxNesting));
     }
     if (event == json::parse_event_t::object_start) keys_.emplace_back();
     if (event == json::parse_event_t::object_end) keys_.pop_back();

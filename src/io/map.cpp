@@ -25,6 +25,7 @@ extern const MapFormat kMetashape;
 extern const MapFormat kAliceVision;
 extern const MapFormat kOb3d;
 extern const MapFormat kTartanAir;
+extern const MapFormat kVipe;
 extern const MapFormat kTum;
 
 }  // namespace map_detail
@@ -113,6 +114,7 @@ constexpr std::array kFormats{&kSqlite,
                               &kMsgpack,
                               &map_detail::kColmap,
                               &map_detail::kOb3d,
+                              &map_detail::kVipe,
                               &map_detail::kOpenSfm,
                               &map_detail::kOpenMvg,
                               &map_detail::kTartanAir,
@@ -164,10 +166,12 @@ SlamMap read_map(const std::filesystem::path& path, const ReadMapOptions& option
   }
   std::string expected;
   for (const std::string& what : map_formats()) expected += (expected.empty() ? "" : ", ") + what;
-  throw InvalidInput(path.string() + ": is no map that can be read: " +
-                     (file.is_folder() ? "the directory holds no model of COLMAP (cameras, images, points3D as .bin or "
-                                         ".txt), nor directories 0, 1, ... that do, nor cameras/*_cam.json (OB3D)"
-                                       : "expected " + expected + "; but " + describe(file)));
+  throw InvalidInput(
+      path.string() + ": is no map that can be read: " +
+      (file.is_folder()
+           ? "the directory holds no model of COLMAP (cameras, images, points3D as .bin or "
+             ".txt), nor directories 0, 1, ... that do, nor cameras/*_cam.json (OB3D), nor pose/*.npz (ViPE)"
+           : "expected " + expected + "; but " + describe(file)));
 }
 
 namespace map_detail {

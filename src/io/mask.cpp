@@ -146,7 +146,7 @@ bool webp_may_have_alpha(const std::vector<std::uint8_t>& bytes) {
 
 namespace io {
 
-MaskImage decode_mask(const std::filesystem::path& path) {
+MaskImage decode_mask(const std::filesystem::path& path, bool instances) {
   // Unchanged: conversions to gray or 8 bits would round small values to 0.
   const cv::Mat image = decode_image_file(path, cv::IMREAD_UNCHANGED);
   cv::Mat colour = image;
@@ -156,6 +156,7 @@ MaskImage decode_mask(const std::filesystem::path& path) {
     cv::mixChannels(&image, 1, &colour, 1, kept.data(), 3);
   }
   const Colours colours = count_colours(colour);
+  if (instances) return {usable_by_colour(colour, false) == 0, text_of(colours, colour)};
   const bool photo = is_photo(colours);
   MaskImage mask{usable_by_colour(colour, is_jpeg(path)), text_of(colours, colour)};
   if (photo || !has_both(mask.usable)) {

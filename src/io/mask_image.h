@@ -19,7 +19,8 @@ struct MaskImage {
 
 /// Decodes a mask: black pixels are ignored (0 in all channels, in JPEGs less than half). If the colours hide nothing
 /// or everything, or are those of a photo, the alpha channel decides: less than half is ignored. Throws as read_mask.
-MaskImage decode_mask(const std::filesystem::path& path);
+/// `instances`: pixels are ids of objects instead, and those > 0 are ignored.
+MaskImage decode_mask(const std::filesystem::path& path, bool instances = false);
 
 /// Scales a mask as read_mask does. `what`: its name in messages. Throws InvalidInput if the aspect ratio differs.
 Image<std::uint8_t> scale_mask(const std::string& what, const cv::Mat& usable, int width, int height);

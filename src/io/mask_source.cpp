@@ -16,6 +16,7 @@
 #include "pmsp/calibration.h"
 #include "pmsp/error.h"
 #include "pmsp/io/images.h"
+#include "zip_member.h"
 
 namespace pmsp {
 namespace {
@@ -41,6 +42,9 @@ void ignore_rows(Image<std::uint8_t>& mask, int first, int last) {
   for (int y = std::max(first, 0); y < std::min(last, mask.height()); ++y)
     std::fill(mask.row(y), mask.row(y) + mask.width(), std::uint8_t{0});
 }
+
+/// Members of archives are known to exist.
+bool can_be_read(const fs::path& file) { return is_file(file) || !io::archive_of(file).empty(); }
 
 bool is_blank(const Image<std::uint8_t>& mask) {
   return std::none_of(mask.pixels().begin(), mask.pixels().end(), [](std::uint8_t v) { return v != 0; });
@@ -93,9 +97,10 @@ struct MaskSource::Impl {
 
   /// Mask beside the image, or in a folder `masks` beside any of the image's folders.
   FoundMask beside(const fs::path& image) {
-    if (!options.found || options.images.empty()) return {};
+    if (!options.found) return {};
     const auto named = options.named.find(image);
-    if (named != options.named.end() && is_file(named->second)) return {Place::kNamed, named->second};
+    if (named != options.named.end() && can_be_read(named->second)) return {Place::kNamed, named->second};
+    if (options.images.empty()) return {};
     const fs::path root = clean(options.images);
     fs::path under;
     for (fs::path at = clean(image).parent_path(); at.has_relative_path(); at = at.parent_path()) {
@@ -108,6 +113,10 @@ struct MaskSource::Impl {
     return {file.empty() ? Place::kNone : Place::kBeside, std::move(file)};
   }
 
+  bool is_of_instances(const fs::path& file) const {
+    return options.named_are_instances && !io::archive_of(file).empty();
+  }
+
   /// True if something is hidden in all images.
   bool is_everywhere() const { return options.nadir_deg > 0.0 || options.zenith_deg > 0.0 || !rig.empty(); }
 
@@ -115,8 +124,10 @@ struct MaskSource::Impl {
 
   /// `image`: whose alpha channel is used; "" = none.
   Image<std::uint8_t> make(const fs::path& file, const fs::path& image, int width, int height) const {
-    Image<std::uint8_t> mask =
-        file.empty() || is_yaml(file) ? Image<std::uint8_t>(width, height, 255) : read_mask(file, width, height);
+    Image<std::uint8_t> mask = file.empty() || is_yaml(file) ? Image<std::uint8_t>(width, height, 255)
+                               : is_of_instances(file)
+                                   ? io::scale_mask(file.string(), io::decode_mask(file, true).usable, width, height)
+                                   : read_mask(file, width, height);
     const cv::Mat opacity = image.empty() ? cv::Mat() : io::image_opacity(image);
     if (!opacity.empty()) {
       const Image<std::uint8_t> alpha = io::scale_mask(image.string(), opacity, width, height);
@@ -143,7 +154,7 @@ struct MaskSource::Impl {
       for (const io::MaskRectangle& rectangle : rectangles) ignore_rectangle(mask, rectangle);
       return io::hidden_share(mask.view());
     }
-    const io::MaskImage mask = io::decode_mask(file);
+    const io::MaskImage mask = io::decode_mask(file, is_of_instances(file));
     if (file == summary.first) {
       summary.colours = mask.colours;
       summary.by_alpha = mask.by_alpha;
@@ -212,7 +223,7 @@ MaskSummary MaskSource::summarise(const std::vector<fs::path>& images, int width
   std::vector<fs::path> masked;
   for (const fs::path& image : images) {
     const auto named = impl_->options.named.find(image);
-    const bool is_invalid_pose = named != impl_->options.named.end() && !is_file(named->second);
+    const bool is_invalid_pose = named != impl_->options.named.end() && !can_be_read(named->second);
     if (is_invalid_pose && summary.named_missing++ == 0) summary.first_missing = named->second;
     if (!has_mask(image)) continue;
     masked.push_back(image);

@@ -55,7 +55,7 @@ void show_images(Mission& mission, ImageSource& source, LandmarkSweep& sweep,
   ImageReader reader(source, mission.map, mission.threads(), nullptr);
   ImageLoop{reader, [&](std::size_t, const Keyframe& keyframe) {
               sweep.add(keyframe.id, keyframe.image,
-                        mission.masks->mask_for(source.origin(keyframe.id).file, keyframe.image.width,
+                        mission.masks->mask_for(source.origin(keyframe.id).name(), keyframe.image.width,
                                                 keyframe.image.height));
               if (also) also(keyframe);
             }}();
@@ -150,9 +150,17 @@ Mission::ImageCheck Mission::check_images() const {
 }
 
 void Mission::complete(Keyframe& keyframe, const ImageSource& source) {
-  const std::filesystem::path file = source.origin(keyframe.id).file;
-  keyframe.mask = masks->mask_for(file, keyframe.image.width, keyframe.image.height);
-  prior_depths.attach(keyframe, file);
+  const std::filesystem::path name = source.origin(keyframe.id).name();
+  keyframe.mask = masks->mask_for(name, keyframe.image.width, keyframe.image.height);
+  prior_depths.attach(keyframe, name);
+}
+
+void name_masks(const SlamMap& map, const ImageSource& source, MaskOptions& options) {
+  options.named_are_instances = map.masks_are_instances;
+  for (const std::int64_t id : source.keyframe_ids()) {
+    const MapKeyframe* keyframe = map.find_keyframe(id);
+    if (keyframe != nullptr && !keyframe->mask.empty()) options.named[source.origin(id).name()] = keyframe->mask;
+  }
 }
 
 std::string warning_of(const PairingVerifier::Verdict& pairing, bool saw_all) {

@@ -87,6 +87,9 @@ class PMSP_API Mission {
   MissionLog log_;
 };
 
+/// Adds the masks that the map names to the options of its images' masks.
+PMSP_API void name_masks(const SlamMap& map, const ImageSource& source, MaskOptions& options);
+
 /// Returns the warning of a verdict; "" = none. `saw_all`: no more images follow, so an open verdict is final.
 PMSP_API std::string warning_of(const PairingVerifier::Verdict& pairing, bool saw_all);
 

@@ -9,23 +9,31 @@
 
 namespace pmsp::io {
 
-PriorDepths::PriorDepths(const std::filesystem::path& folder, const std::filesystem::path& images) {
-  if (!folder.empty()) folder_.emplace(folder, images);
+PriorDepths::PriorDepths(const std::filesystem::path& folder, const std::filesystem::path& images, const SlamMap& map) {
+  if (!folder.empty()) {
+    folder_.emplace(folder, images);
+    return;
+  }
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    if (!keyframe.prior_depth.empty()) of_map_[keyframe.id] = keyframe.prior_depth;
+  }
 }
 
 std::filesystem::path PriorDepths::file_for(std::int64_t keyframe_id, const std::filesystem::path& image) const {
-  return folder_ ? folder_->file_for(keyframe_id, image) : std::filesystem::path();
+  if (folder_) return folder_->file_for(keyframe_id, image);
+  const auto found = of_map_.find(keyframe_id);
+  return found == of_map_.end() ? std::filesystem::path() : found->second;
 }
 
 std::string PriorDepths::unit_text() const { return folder_ ? nlohmann::json(folder_->png_scale()).dump() : ""; }
 
 void PriorDepths::attach(Keyframe& keyframe, const std::filesystem::path& image) {
-  if (!folder_) return;
+  if (!wanted()) return;
   Outcome outcome;
   outcome.file = file_for(keyframe.id, image);
   if (!outcome.file.empty()) {
     try {
-      const Image<float> values = folder_->read(outcome.file);
+      const Image<float> values = folder_ ? folder_->read(outcome.file) : read_exr_depth(outcome.file);
       const std::int64_t across = std::int64_t{values.width()} * keyframe.image.height;
       const std::int64_t down = std::int64_t{values.height()} * keyframe.image.width;
       if (values.width() < 16 || values.height() < 8 || std::abs(across - down) * 100 > down) {

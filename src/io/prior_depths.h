@@ -12,6 +12,7 @@
 #include "pmsp/api.h"
 #include "pmsp/calibration.h"
 #include "pmsp/io/depth.h"
+#include "pmsp/io/map.h"
 #include "pmsp/types.h"
 
 namespace pmsp::io {
@@ -20,13 +21,13 @@ namespace pmsp::io {
 class PMSP_API PriorDepths {
  public:
   PriorDepths() = default;  ///< none
-  /// `folder`: of the depth images; "" = none. `images`: image folder. Throws as DepthFolder.
-  PriorDepths(const std::filesystem::path& folder, const std::filesystem::path& images);
+  /// `folder`: of the depth images; "" = those of the map. `images`: image folder. Throws as DepthFolder.
+  PriorDepths(const std::filesystem::path& folder, const std::filesystem::path& images, const SlamMap& map);
 
-  bool wanted() const { return folder_.has_value(); }
+  bool wanted() const { return folder_ || !of_map_.empty(); }
 
-  /// Sets `keyframe.prior_depth` if the image has a depth file that fits; valid until the next call. To be called after
-  /// all other fields are set.
+  /// Sets `keyframe.prior_depth` if the image (ImageSource::Origin::name) has a depth file that fits; valid until the
+  /// next call. To be called after all other fields are set.
   void attach(Keyframe& keyframe, const std::filesystem::path& image);
 
   /// Depth file of an image ("" = none), and other inputs of its values.
@@ -44,6 +45,7 @@ class PMSP_API PriorDepths {
   };
 
   std::optional<DepthFolder> folder_;
+  std::map<std::int64_t, std::filesystem::path> of_map_;  ///< MapKeyframe::prior_depth, without a folder
   Image<float> depth_;
   std::map<std::int64_t, Outcome> outcomes_;
 };

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "export/files.h"
+#include "io/zip_member.h"
 #include "pmsp/error.h"
 #include "workspace/artefact_file.h"
 #include "workspace/fingerprint.h"
@@ -109,8 +110,10 @@ void Workspace::begin(Record record) {
 
 std::string Workspace::fingerprint(const fs::path& file) {
   std::error_code error;
-  const std::int64_t time = fs::last_write_time(file, error).time_since_epoch().count();
-  const std::uintmax_t size = error ? 0 : fs::file_size(file, error);
+  const fs::path archive = io::archive_of(file);
+  const fs::path& holder = archive.empty() ? file : archive;
+  const std::int64_t time = fs::last_write_time(holder, error).time_since_epoch().count();
+  const std::uintmax_t size = error ? 0 : fs::file_size(holder, error);
   Known& known = known_[file.string()];
   if (error || known.text.empty() || known.time != time || known.size != size) {
     known = {time, size, fingerprint_of_file(file)};

@@ -14,7 +14,9 @@ import shlex
 import shutil
 import signal
 import subprocess
+import struct
 import sys
+import zipfile
 
 OWN = ("pmsp-densify", "pmsp-synth", "pmsp-eval")
 SKIPPED = ("cmake", "colmap", "demo", "ffmpeg", "mission.sh", "mkdir", "ns-train", "pip", "run_video_slam", "setup", "snakemake", "test")
@@ -62,8 +64,30 @@ def set_up():
         for frame in range(max(images) + 1):
             video.write(images.get(frame, images[min(images)]))
     (work / "mission.mp4").symlink_to("original.mp4")
+    write_vipe(work / "vipe_results")
     (work / "control.txt").write_text("a 0 0 0 500 100 10\nb 1 0 0 502 100 10\nc 0 1 0 500 102 10\nd 0 0 1 500 100 12\n")
     (work / "utm32.wkt").write_text('PROJCS["WGS 84 / UTM zone 32N"]')
+
+
+def write_vipe(folder):
+    """Poses of the sample mission as results of ViPE; its video is original.mp4."""
+    for name in ("pose", "intrinsics", "rgb"):
+        (folder / name).mkdir(parents=True)
+    frames = sorted(int(path.stem) for path in (source / "data/images").iterdir())
+    poses = (source / "data/gt/traj_tum.txt").read_text().splitlines()
+    matrices = []
+    for frame in frames:
+        x, y, z, i, j, k, w = map(float, poses[frame].split()[1:])
+        matrices += [1 - 2 * (j * j + k * k), 2 * (i * j - k * w), 2 * (i * k + j * w), x]
+        matrices += [2 * (i * j + k * w), 1 - 2 * (i * i + k * k), 2 * (j * k - i * w), y]
+        matrices += [2 * (i * k - j * w), 2 * (j * k + i * w), 1 - 2 * (i * i + j * j), z, 0, 0, 0, 1]
+    with zipfile.ZipFile(folder / "pose/original.npz", "w") as archive:
+        for name, kind, shape, values in (("data", "f", f"{len(frames)}, 4, 4", matrices), ("inds", "q", f"{len(frames)},", frames)):
+            head = f"{{'descr': '<{kind.replace('f', 'f4').replace('q', 'i8')}', 'fortran_order': False, 'shape': ({shape}), }}\n"
+            array = b"\x93NUMPY\1\0" + struct.pack("<H", len(head)) + head.encode() + struct.pack(f"<{len(values)}{kind}", *values)
+            archive.writestr(name + ".npy", array)
+    (folder / "intrinsics/original_camera.txt").write_text("".join(f"{frame}: PANORAMA\n" for frame in frames))
+    (folder / "rgb/original.mp4").symlink_to(work / "original.mp4")
 
 
 def prepare(words):

@@ -13,6 +13,7 @@
 #include "pmsp/error.h"
 #include "pmsp/io/depth.h"
 #include "support/temp_dir.h"
+#include "support/zip_file.h"
 
 using namespace pmsp;
 using Catch::Matchers::Contains;
@@ -168,6 +169,34 @@ TEST_CASE("NPY of three kinds of floats is read") {
   CHECK_THROWS_AS(read_npy(dir / "huge.npy"), InvalidInput);
   write_text(dir / "long.npy", npy("<f4", "8000, 8000", values_of<float>(image)));
   CHECK_THROWS_WITH(read_npy(dir / "long.npy"), Contains("truncated"));
+}
+
+TEST_CASE("depth files in a ZIP archive are read by their path") {
+  const TempDir dir;
+  const Image<float> ramp = depth_ramp(40, 20);
+  write_exr(dir / "a.exr", {{"Z", ramp}});
+  const std::string sound = npy("<f4", "20, 40", values_of<float>(ramp));
+  pmsp_test::write_zip(dir / "depth.zip", {{"00001.exr", read_text(dir / "a.exr")}, {"2.npy", sound}});
+  CHECK(read_exr_depth(dir / "depth.zip/00001.exr").pixels() == ramp.pixels());
+  CHECK(read_npy(dir / "depth.zip/2.npy").pixels() == ramp.pixels());
+  CHECK_THROWS_WITH(read_npy(dir / "depth.zip/3.npy"), Contains("3.npy") && Contains("no such member"));
+  CHECK_THROWS_AS(read_npy(dir / "other.zip/2.npy"), IoError);
+
+  const std::string bytes = read_text(dir / "depth.zip");
+  const auto refused = [&](std::size_t at, const std::string& by, const std::string& message) {
+    std::string broken = bytes;
+    broken.replace(at, by.size(), by);
+    write_text(dir / "broken.zip", broken);
+    CHECK_THROWS_WITH(read_npy(dir / "broken.zip/2.npy"), Contains("2.npy") && Contains(message));
+  };
+  const std::size_t entry = bytes.rfind("PK\x01\x02");  // of 2.npy: "central directory header" of APPNOTE.TXT
+  refused(entry + 24, std::string("\xff\xff\xff\x7f", 4), "1 GiB");
+  refused(entry + 24, std::string("\xff\xff\xff\x3f", 4), "1032 times");
+  refused(entry + 10, std::string("\x0c\x00", 2), "method 12");
+  const std::size_t data = bytes.rfind("2.npy", entry) + 5;
+  refused(data + 20, std::string(8, '\xff'), "cannot be unpacked");
+  write_text(dir / "broken.zip", bytes.substr(0, bytes.size() / 2));
+  CHECK_THROWS_WITH(read_npy(dir / "broken.zip/2.npy"), Contains("ZIP archive"));
 }
 
 TEST_CASE("depth files broken at any offset are refused") {

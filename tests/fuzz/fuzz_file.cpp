@@ -18,6 +18,7 @@
 #include "io/image_decode.h"
 #include "io/mask_rectangles.h"
 #include "io/plan_io.h"
+#include "io/zip_member.h"
 #include "pmsp-densify/batch/batch_manifest.h"
 #include "pmsp-densify/options.h"
 #include "pmsp/error.h"
@@ -25,6 +26,7 @@
 #include "pmsp/io/depth.h"
 #include "pmsp/io/images.h"
 #include "support/temp_dir.h"
+#include "support/zip_file.h"
 #include "workspace/artefact_file.h"
 #include "workspace/record.h"
 
@@ -203,6 +205,14 @@ std::vector<Reader> make_readers(const fs::path& folder) {
        {"{\"kind\": \"raw\", \"png_scale\": 0.001, \"lens_distance\": 0.02, \"maps\": [{\"keyframe_id\": 7, \"depth\": "
         "\"a.pfm\", \"normal_png\": \"n.png\", \"exr\": \"a.exr\"}]}"}},
       {"a.npy", [](const fs::path& path) { read_npy(path); }, {npy()}},
+      {"a.zip",
+       [](const fs::path& path) {
+         for (const std::string& name : io::zip_members(path)) read_npy(path / name);
+       },
+       {written(folder / "a.zip",
+                [](const fs::path& path) {
+                  pmsp_test::write_zip(path, {{"a.npy", npy()}, {"b.npy", npy()}});
+                })}},
       {"plan.json",
        [](const fs::path& path) { plan_from_json(read_text(path)); },
        {"{\"format\": \"pmsp plan\", \"version\": 1, \"entries\": [" + entry + "]}", plan_json({})}},

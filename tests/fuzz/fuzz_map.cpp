@@ -14,6 +14,7 @@
 #include "map/scene_files.h"
 #include "pmsp/error.h"
 #include "support/temp_dir.h"
+#include "support/zip_file.h"
 
 namespace {
 
@@ -63,6 +64,12 @@ std::vector<Case> make_cases(const fs::path& folder) {
   write_file(folder / "poses.txt", poses);
   cases.push_back({folder / "scene.json", folder / "scene.json", scene, {}});
   cases.push_back({folder / "scene.json", folder / "poses.txt", poses, {}});
+  write_vipe(folder / "vipe", map);
+  const fs::path depth = folder / "vipe/depth/flight.zip";
+  pmsp_test::write_zip(depth, {{"00000.exr", "depth"}});
+  for (const fs::path& file : {depth, folder / "vipe/pose/flight.npz", folder / "vipe/intrinsics/flight_camera.txt"}) {
+    cases.push_back({folder / "vipe", file, read_file(file), {}});
+  }
   write_file(folder / "map.msg", msgpack_bytes(msgpack_tree(sample_map(), MsgpackVersion::stella_0_3_6)));
   write_sqlite(folder / "map.db", sample_map(), SqliteVersion::stella_0_6_0);
   for (const char* name : {"map.msg", "map.db"}) {

@@ -14,6 +14,7 @@
 
 #include "pmsp/camera.h"
 #include "support/temp_dir.h"
+#include "support/zip_file.h"
 
 namespace pmsp::test {
 namespace {
@@ -417,6 +418,35 @@ void write_tum(const fs::path& file, const SlamMap& map) {
   write(file, text);
   write(file.parent_path() / "images.txt", list);
   write_points(file.parent_path() / "points.ply", map);
+}
+
+std::string npy_bytes(const std::string& type, const std::string& shape, const std::string& values) {
+  const std::string header = "{'descr': '" + type + "', 'fortran_order': False, 'shape': (" + shape + "), }\n";
+  std::string bytes = "\x93NUMPY";
+  put(bytes, std::uint16_t{1});  // version 1.0
+  put(bytes, static_cast<std::uint16_t>(header.size()));
+  return bytes + header + values;
+}
+
+void write_vipe(const fs::path& folder, const SlamMap& map, const std::string& name) {
+  std::string poses, frames, cameras;
+  for (const MapKeyframe& keyframe : map.keyframes) {
+    const RigidTransform pose = keyframe.cam_from_world.inverse();
+    for (int row = 0; row < 4; ++row) {
+      for (int column = 0; column < 4; ++column) {
+        const double value = row == 3      ? (column == 3 ? 1.0 : 0.0)
+                             : column == 3 ? pose.translation[row]
+                                           : pose.rotation(row, column);
+        put(poses, static_cast<float>(value));
+      }
+    }
+    put(frames, keyframe.id);
+    cameras += std::to_string(keyframe.id) + ": PANORAMA\n";
+  }
+  const std::string count = std::to_string(map.keyframes.size());
+  pmsp_test::write_zip(folder / "pose" / (name + ".npz"), {{"data.npy", npy_bytes("<f4", count + ", 4, 4", poses)},
+                                                           {"inds.npy", npy_bytes("<i8", count + ",", frames)}});
+  write(folder / "intrinsics" / (name + "_camera.txt"), cameras);
 }
 
 ReadMapOptions FormatFiles::options(const fs::path& folder) const {

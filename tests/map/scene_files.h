@@ -42,6 +42,10 @@ void write_euroc(const std::filesystem::path& file, const SlamMap& map, double f
 /// The trajectory; and list and points beside it, images.txt and points.ply.
 void write_tum(const std::filesystem::path& file, const SlamMap& map);
 void write_points(const std::filesystem::path& file, const SlamMap& map);
+/// Poses and cameras of a video NAME, without its images, depth and masks.
+void write_vipe(const std::filesystem::path& folder, const SlamMap& map, const std::string& name = "flight");
+/// Bytes of a NumPy file; `type`: "<f4".
+std::string npy_bytes(const std::string& type, const std::string& shape, const std::string& values);
 
 /// A format with its writer, for tests of all formats.
 struct FormatFiles {

@@ -10,7 +10,9 @@
 #include "map_files.h"
 #include "pmsp/error.h"
 #include "pmsp/io/map.h"
+#include "scene_files.h"
 #include "support/temp_dir.h"
+#include "support/zip_file.h"
 
 namespace pmsp::test {
 
@@ -146,6 +148,82 @@ TEST_CASE("a broken scene of TartanAir is refused with file and place") {
   write_tartanair(folder, "");
   fs::remove(folder / "poses.txt");
   CHECK_THROWS_AS(read_map(folder / "scene.json"), IoError);
+}
+
+TEST_CASE("results of ViPE are a map with prior depth and masks of objects") {
+  const TempDir folder;
+  SlamMap scene = sample_scene(4);
+  for (MapKeyframe& keyframe : scene.keyframes) keyframe.id *= 3;
+  write_vipe(folder.path(), scene);
+  pmsp_test::write_zip(folder / "depth/flight.zip", {{"00000.exr", ""}, {"00009.exr", ""}, {"00010.exr", ""}});
+  pmsp_test::write_zip(folder / "mask/flight.zip", {{"00003.png", ""}, {"00009.png", ""}});
+  fs::create_directories(folder / "rgb");
+  write_file(folder / "rgb/flight.mp4", "video");
+  for (const fs::path& path : {folder.path(), folder / "pose/flight.npz"}) {
+    const SlamMap map = read_map(path);
+    CHECK(map.format == "ViPE");
+    CHECK(map.images == folder / "rgb/flight.mp4");
+    CHECK(map.masks_are_instances);
+    CHECK(map.notes.empty());
+    REQUIRE(map.keyframes.size() == 4);
+    for (std::size_t i = 0; i < 4; ++i) {
+      const MapKeyframe& keyframe = map.keyframes[i];
+      CHECK(keyframe.id == scene.keyframes[i].id);
+      CHECK(keyframe.source_frame == keyframe.id);
+      const RigidTransform& pose = scene.keyframes[i].cam_from_world;
+      CHECK((keyframe.cam_from_world.rotation - pose.rotation).cwiseAbs().maxCoeff() < 1e-6);
+      CHECK((keyframe.cam_from_world.center() - pose.center()).norm() < 1e-6);
+    }
+    CHECK(map.keyframes[0].prior_depth == folder / "depth/flight.zip/00000.exr");
+    CHECK(map.keyframes[1].prior_depth.empty());
+    CHECK(map.keyframes[3].prior_depth == folder / "depth/flight.zip/00009.exr");
+    CHECK(map.keyframes[0].mask.empty());
+    CHECK(map.keyframes[1].mask == folder / "mask/flight.zip/00003.png");
+  }
+  write_file(folder / "intrinsics/flight_camera.txt", "0: PANORAMA\n3: PINHOLE\n9: PANORAMA\n");
+  const SlamMap some = read_map(folder.path());
+  CHECK(some.keyframes.size() == 2);
+  CHECK_THAT(some.notes.at(0), Contains("PANORAMA: 2"));
+  fs::remove_all(folder / "depth");
+  CHECK_THAT(read_map(folder.path()).notes.at(1), Contains("depth/flight.zip") && Contains("depth_align_model"));
+}
+
+TEST_CASE("broken results of ViPE are refused with file and place") {
+  const TempDir folder;
+  const SlamMap scene = sample_scene(2);
+  const auto refuse = [&](const std::string& message) {
+    CHECK_THROWS_WITH(read_map(folder.path()), Contains(message));
+  };
+  const fs::path poses = folder / "pose/flight.npz", depth = folder / "depth/flight.zip";
+  write_vipe(folder.path(), scene);
+  pmsp_test::write_zip(depth, {{"00007.exr", ""}});
+  refuse("none of the 2 frames");
+  write_file(depth, "no archive");
+  refuse("depth/flight.zip: cannot be read as a ZIP archive");
+  fs::remove(depth);
+  const std::string sound = read_file(poses);
+  write_file(poses, sound.substr(0, sound.size() / 2));
+  refuse("pose/flight.npz: cannot be read");
+  const std::string frames = npy_bytes("<i8", "2,", std::string(16, '\0'));
+  const auto with = [&](const std::string& type, const std::string& shape, std::size_t bytes, const char* message) {
+    pmsp_test::write_zip(poses, {{"data.npy", npy_bytes(type, shape, std::string(bytes, '\0'))}, {"inds.npy", frames}});
+    refuse(message);
+  };
+  with("<f4", "1, 4, 4", 64, "16 numbers, expected a 4 x 4 matrix for each of the 2 frames");
+  with("<f4", "2, 4, 4", 64, "truncated");
+  with("<f4", "2, 4, 99999999999999", 64, "shape");
+  with("<c8", "2, 4, 4", 256, "<c8");
+  with("<f4", "2, 4, 4", 128, "no image with a pose");  // zeros are lost poses
+  pmsp_test::write_zip(poses, {{"inds.npy", frames}});
+  refuse("data.npy: the archive has no such member");
+  write_vipe(folder.path(), scene);
+  write_file(folder / "intrinsics/flight_camera.txt", "0 PANORAMA\n");
+  refuse("line 1");
+  fs::remove(folder / "intrinsics/flight_camera.txt");
+  refuse("flight_camera.txt: there is no such file");
+  write_vipe(folder.path(), scene, "other");
+  refuse("results of 2 videos");
+  CHECK(read_map(folder / "pose/other.npz").keyframes.size() == 2);
 }
 
 TEST_CASE("true poses with seconds and nanoseconds in columns of their own have their time") {

@@ -326,7 +326,7 @@ void add_run(CLI::App& app, Arguments& a) {
          "--prior-depth", a.prior_depth,
          "Directory with a depth image for each image (7.pfm, 7.exr, 7.npy or 7.png for 7.jpg; or a directory of "
          "--depth-maps): depth or inverse depth along the rays, from a lidar or a network, aligned to the "
-         "landmarks and proposed where there is little texture")
+         "landmarks and proposed where there is little texture [default: that of ViPE, if MAP is its result]")
       ->type_name("DIR")
       ->group("Input");
   app.add_flag_callback(

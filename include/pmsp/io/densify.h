@@ -38,8 +38,8 @@ PMSP_API std::optional<CameraCalibration> calibrate_camera(const SlamMap& map, c
 
 /// Optional arguments of densify().
 struct DensifyExtras {
-  MaskSource* masks = nullptr;  ///< nullptr = alpha channels of the images, if any; the rig mask is added
-  /// Directory of depth images, named after the images in `image_folder`; "" = none. See DepthFolder.
+  MaskSource* masks = nullptr;  ///< nullptr = those of the map, and alpha channels; the rig mask is added
+  /// Directory of depth images, named after the images in `image_folder`, see DepthFolder; "" = those of the map.
   std::filesystem::path prior_depth;
   std::filesystem::path image_folder;               ///< root of image names, for `prior_depth`
   bool verify = true;                               ///< check conventions, poses, and pairing of images and keyframes

@@ -50,6 +50,8 @@ class PMSP_API ImageSource {
   struct Origin {
     std::filesystem::path file;
     std::string frame;
+    /// Returns the file, for a frame VIDEO/FRAME.jpg: a name for masks and prior depth.
+    std::filesystem::path name() const { return frame.empty() ? file : file / (frame + ".jpg"); }
   };
   /// Returns the origin of a keyframe's image. Equal file contents and frames give equal images, unless another
   /// keyframe takes the frame of a video first. Throws InvalidInput if the id is not in `keyframe_ids`.
@@ -141,6 +143,7 @@ struct MaskOptions {
   /// `masks` beside that of the images, else "7_mask.png" or "7.mask.png" beside the image.
   bool found = true;
   std::map<std::filesystem::path, std::filesystem::path> named{};  ///< MapKeyframe::mask by image
+  bool named_are_instances = false;                                ///< SlamMap::masks_are_instances
 };
 
 /// Origins of masks, and the share that they hide. `summarise` samples at most 16 images with a mask.
@@ -163,7 +166,7 @@ struct MaskSummary {
   std::string colours;           ///< colours of `first`: "90 % #ffffff, 10 % #ff0000"
 };
 
-/// Masks of images, in the size of the image.
+/// Masks of images, in the size of the image. Images are identified by ImageSource::Origin::name.
 class PMSP_API MaskSource {
  public:
   /// Throws InvalidOption; IoError if the file or directory does not exist; InvalidInput if the YAML is invalid.

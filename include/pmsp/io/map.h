@@ -38,7 +38,8 @@ struct MapKeyframe {
   int camera = 0;                            ///< index into SlamMap::cameras
   RigidTransform cam_from_world;             ///< corrected for pixel centres at index + 0.5, see SlamMap
   std::string image;                         ///< name in the image directory, "left/0001.jpg"; "" = none
-  std::filesystem::path mask;                ///< file of its mask (nerfstudio); "" = none
+  std::filesystem::path mask;                ///< file of its mask (nerfstudio, ViPE); "" = none
+  std::filesystem::path prior_depth{};       ///< file of depth from a network (ViPE); "" = none
   std::vector<MapObservation> observations;  ///< of existing landmarks, each once
 };
 
@@ -61,7 +62,7 @@ struct PMSP_API SlamMap {
   std::vector<MapLandmark> landmarks;     ///< ascending id, unique
   std::size_t observations_skipped = 0;   ///< observations of missing landmarks
   std::size_t observations_repeated = 0;  ///< repeated observations of a landmark in a keyframe; the first is kept
-  std::filesystem::path images;           ///< directory of `MapKeyframe::image`; "" = unknown
+  std::filesystem::path images;           ///< directory of `MapKeyframe::image`, or video (ViPE); "" = unknown
 
   /// Number, from 0, of the component (chunk) that was read; components have no common frame.
   int component = 0;
@@ -70,6 +71,7 @@ struct PMSP_API SlamMap {
   bool pixel_centers_at_integers = false;  ///< pixel centres are at whole numbers in the file
   bool observations_are_measured = true;   ///< false: projections of the landmarks, not keypoints of the file
   bool ids_are_row_numbers = false;        ///< the file has no ids; images are not paired by them
+  bool masks_are_instances = false;        ///< masks contain ids of objects, 0 = used (ViPE)
   std::vector<std::string> notes{};        ///< messages on ignored or corrected content
 
   /// Return nullptr if the id does not exist.
@@ -94,6 +96,8 @@ struct ReadMapOptions {
 /// - OpenSfM: reconstruction.json, with observations from tracks.csv beside it;
 /// - openMVG: sfm_data.json; nerfstudio: transforms.json; Metashape: cameras as XML;
 /// - AliceVision: cameras.sfm;
+/// - ViPE: directory of the results for a panoramic video, or pose/NAME.npz of one of several videos, with prior depth
+///   and masks of moving objects; files in its archives have paths such as mask/NAME.zip/00012.png;
 /// - benchmarks: directory of a path of OB3D; scene.json of COLMAP's TartanAir set;
 /// - a trajectory, world from camera: TUM, "timestamp tx ty tz qx qy qz qw"; EuRoC and VINS, nanoseconds and w first;
 ///   KITTI, 12 numbers without a time; a table whose first line names its columns.

@@ -224,10 +224,10 @@ void info(const Arguments& given) {
   };
   std::unique_ptr<workspace::Workspace> workspace;
   attempt([&] { workspace = check_places(given); });
-  if (!is_dry_run && !arguments.images.empty()) {
+  if (!is_dry_run && !(arguments.images.empty() && arguments.video.empty())) {
     try {
       input.open_images();
-    } catch (const Error& error) {  // a folder named only by the map may be elsewhere
+    } catch (const Error& error) {  // images named only by the map may be elsewhere
       input.remarks.push_back(std::string("no images: ") + error.what());
     }
   }

@@ -52,12 +52,7 @@ void set_fuse_defaults(DensifierOptions& options, const Arguments& arguments) {
 }
 
 ExternalDepths::ExternalDepths(const Arguments& arguments)
-    : arguments_(arguments), folder_(arguments.external_depths, arguments.images) {
-  if (folder_.is_indexed() || arguments.video.empty()) return;
-  throw InvalidInput(arguments.external_depths.string() +
-                     ": has no index.json, and frames of a --video have no names of depth images; expected "
-                     "the index of --depth-maps, or --images");
-}
+    : arguments_(arguments), folder_(arguments.external_depths, arguments.images) {}
 
 std::vector<SkippedKeyframe> ExternalDepths::look(const SlamMap& map, const ImageSource& source,
                                                   DensifierOptions& options) {
@@ -69,7 +64,7 @@ std::vector<SkippedKeyframe> ExternalDepths::look(const SlamMap& map, const Imag
   std::vector<double> ratios;
   for (const std::int64_t id : source.keyframe_ids()) {
     const MapKeyframe* const in_map = map.find_keyframe(id);
-    const std::filesystem::path image = source.origin(id).file;
+    const std::filesystem::path image = source.origin(id).name();
     const std::filesystem::path file = folder_.file_for(id, image);
     if (in_map == nullptr || file.empty()) continue;
     const Keyframe keyframe = keyframe_of(map, *in_map);

@@ -28,15 +28,18 @@ SlamMap read_map(const Arguments& arguments) {
 Arguments with_images(const Arguments& arguments, const SlamMap& map) {
   Arguments result = arguments;
   std::error_code ignored;
-  if (!has_images(arguments) && fs::is_directory(map.images, ignored)) result.images = map.images;
+  if (has_images(arguments)) return result;
+  if (fs::is_directory(map.images, ignored)) result.images = map.images;
+  if (fs::is_regular_file(map.images, ignored)) result.video = map.images;
   return result;
 }
 
 Arguments with_needed_images(const Arguments& arguments) {
   if (has_images(arguments)) return arguments;
-  Arguments result = arguments;
-  result.images = read_map(arguments).images;
-  if (result.images.empty()) throw UsageError("the images are missing; give --images DIR or --video FILE");
+  const SlamMap map = read_map(arguments);
+  if (map.images.empty()) throw UsageError("the images are missing; give --images DIR or --video FILE");
+  Arguments result = with_images(arguments, map);
+  if (!has_images(result)) result.images = map.images;  // reported as missing
   return result;
 }
 
@@ -51,10 +54,7 @@ std::vector<const MapKeyframe*> in_time_order(const SlamMap& map) {
 MaskOptions mask_options(const Arguments& arguments, const SlamMap& map, const ImageSource& source) {
   MaskOptions options{arguments.mask, arguments.images, arguments.mask_nadir, arguments.mask_zenith,
                       !arguments.no_masks};
-  for (const std::int64_t id : source.keyframe_ids()) {
-    const MapKeyframe* keyframe = map.find_keyframe(id);
-    if (keyframe != nullptr && !keyframe->mask.empty()) options.named[source.origin(id).file] = keyframe->mask;
-  }
+  io::name_masks(map, source, options);
   return options;
 }
 
@@ -135,8 +135,9 @@ std::string hidden_text(const MaskSummary& it) {
   return text;
 }
 
-void warn_of_share(const MaskSummary& it, std::vector<std::string>& warnings) {
-  if (has_files(it) && it.hidden_by_files == 0.0) {
+void warn_of_share(const SlamMap& map, const MaskSummary& it, std::vector<std::string>& warnings) {
+  const bool may_be_inverted = has_files(it) && !(it.named > 0 && map.masks_are_instances);
+  if (may_be_inverted && it.hidden_by_files == 0.0) {
     std::string text =
         "the mask " + it.first.string() + " hides nothing: black (0) is ignored, any other colour is used";
     if (!it.colours.empty()) text += ", and it is " + it.colours + "; paint ignored parts black";
@@ -144,7 +145,7 @@ void warn_of_share(const MaskSummary& it, std::vector<std::string>& warnings) {
   }
   if (it.hidden <= kHidesMost) return;
   const std::string much = "masks hide " + percent_text(it.hidden) + " of the sphere";
-  if (has_files(it) && it.hidden_by_files > kHidesMost) {
+  if (may_be_inverted && it.hidden_by_files > kHidesMost) {
     const bool by_alpha = it.by_alpha;
     warnings.push_back(much + ": " + (by_alpha ? "transparent" : "black (0)") + " is ignored, " +
                        (by_alpha ? "opaque" : "white (any other colour)") + " is used; if " + it.first.string() +
@@ -176,7 +177,7 @@ void warn_of_unused(const Arguments& arguments, const SlamMap& map, const MaskSu
 /// Evaluates the masks of all images, or of an evenly spread sample. Throws as MaskSource::look.
 MaskReport look_at_masks(const Arguments& arguments, const SlamMap& map, const ImageSource& source, MaskSource& masks) {
   std::vector<fs::path> images;
-  for (const std::int64_t id : source.keyframe_ids()) images.push_back(source.origin(id).file);
+  for (const std::int64_t id : source.keyframe_ids()) images.push_back(source.origin(id).name());
   MaskReport report;
   if (images.empty()) return report;
   const MapKeyframe* first = map.find_keyframe(source.keyframe_ids().front());
@@ -188,7 +189,7 @@ MaskReport look_at_masks(const Arguments& arguments, const SlamMap& map, const I
   warn_of_unused(arguments, map, it, report.warnings);
   const bool any = has_files(it) || it.with_alpha > 0 || arguments.mask_nadir > 0.0 || arguments.mask_zenith > 0.0;
   if (!any) return report;
-  warn_of_share(it, report.warnings);
+  warn_of_share(map, it, report.warnings);
   report.text = sources(arguments, map, it) + "; " + hidden_text(it);
   if (it.named + it.in_masks + it.beside + it.with_alpha > 0)
     report.text += "; --no-masks ignores masks that come with images";
@@ -271,7 +272,9 @@ void MissionInput::check_poses() {
       "give a PLY file with points of the same frame (--points)");
 }
 
-void MissionInput::open_prior_depths() { prior_depths = io::PriorDepths(arguments_.prior_depth, arguments_.images); }
+void MissionInput::open_prior_depths() {
+  prior_depths = io::PriorDepths(arguments_.prior_depth, arguments_.images, map);
+}
 
 CloudFrame MissionInput::find_frame() const {
   ImageFiles files;

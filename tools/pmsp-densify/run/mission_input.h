@@ -23,10 +23,10 @@ SlamMap read_map(const Arguments& arguments);
 /// Returns keyframes by timestamp, then id.
 std::vector<const MapKeyframe*> in_time_order(const SlamMap& map);
 
-/// Without --images and --video: adds the image folder named in the map, if it exists.
+/// Without --images and --video: adds the image folder or video named in the map, if it exists.
 Arguments with_images(const Arguments& arguments, const SlamMap& map);
 
-/// As above. Throws UsageError if the map names no folder.
+/// As above. Throws UsageError if the map names none.
 Arguments with_needed_images(const Arguments& arguments);
 
 /// Opens --images or --video; nullptr without either.
@@ -61,7 +61,7 @@ class MissionInput : public io::Mission {
   /// As Mission::check_poses; warns where no landmarks are found.
   void check_poses();
 
-  /// Opens --prior-depth. Throws as DepthFolder.
+  /// Opens --prior-depth, or the depth that the map names. Throws as DepthFolder.
   void open_prior_depths();
 
   /// Returns the frame of the cloud. Throws as find_cloud_frame.

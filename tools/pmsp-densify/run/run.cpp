@@ -70,10 +70,10 @@ class Run {
         external_depths_(given),
         progress_(arguments.progress, arguments.quiet, arguments.verbose),
         input_(arguments, progress_, options.threads, &report_.time) {
-    input_.open_prior_depths();
     std::future<double> device = start_device(options);
     warn(quality_warning(arguments));
     input_.read_map();
+    if (external_depths_ == nullptr) input_.open_prior_depths();
     input_.open_images();
     input_.check_poses();
     report_.map = map_.path.string() + " (" + map_.format + ")";

@@ -89,7 +89,7 @@ std::vector<OutputView> ViewImages::put(const fs::path& folder, const Similarity
 }
 
 void ViewImages::put_masks(const fs::path& folder, std::vector<OutputView>& views) const {
-  const auto file_of = [&](const OutputView& view) { return origins_.at(view.keyframe_id).file; };
+  const auto file_of = [&](const OutputView& view) { return origins_.at(view.keyframe_id).name(); };
   const bool is_wanted =
       std::any_of(views.begin(), views.end(), [&](const OutputView& view) { return masks_.has_mask(file_of(view)); });
   if (!is_wanted) return;

@@ -169,8 +169,8 @@ class ShardRun {
 
  private:
   void work() {
-    input_.open_prior_depths();
     input_.read_map();
+    input_.open_prior_depths();
     input_.open_images();
     input_.check_poses();
     input_.announce();

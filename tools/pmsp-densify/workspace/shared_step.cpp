@@ -40,7 +40,8 @@ std::string map_bytes(const Arguments& arguments, workspace::Workspace& workspac
   if (std::filesystem::is_directory(arguments.map, error)) {
     for (const auto& entry : std::filesystem::recursive_directory_iterator(arguments.map, error)) {
       const std::string ending = entry.path().extension().string();
-      if (entry.is_regular_file(error) && (ending == ".bin" || ending == ".txt")) files.push_back(entry.path());
+      if (entry.is_regular_file(error) && (ending == ".bin" || ending == ".txt" || ending == ".npz"))
+        files.push_back(entry.path());
     }
     std::sort(files.begin(), files.end());
   } else {

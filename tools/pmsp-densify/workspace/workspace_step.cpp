@@ -127,7 +127,7 @@ WorkspaceStep::WorkspaceStep(workspace::Workspace& workspace, const Arguments& a
 std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std::vector<SkippedKeyframe>& unreadable) {
   std::set<std::int64_t> fresh;
   const MaskSource masks(mask_options(arguments_, map_, source));
-  const io::PriorDepths priors(arguments_.prior_depth, arguments_.images);
+  const io::PriorDepths priors(arguments_.prior_depth, arguments_.images, map_);
   for (const std::int64_t id : source.keyframe_ids()) {
     const ImageSource::Origin origin = source.origin(id);
     const Keyframe keyframe = keyframe_of(map_, *map_.find_keyframe(id));
@@ -137,10 +137,10 @@ std::set<std::int64_t> WorkspaceStep::new_images(const ImageSource& source, std:
     try {
       it.image = workspace_.fingerprint(origin.file) + (origin.frame.empty() ? "" : ", " + origin.frame);
       const std::filesystem::path mask =
-          arguments_.mask.empty() || masks.is_folder() ? masks.file_for(origin.file) : "";
+          arguments_.mask.empty() || masks.is_folder() ? masks.file_for(origin.name()) : "";
       if (!mask.empty()) it.image += ", mask " + workspace_.fingerprint(mask);
       if (arguments_.no_masks && may_have_alpha(origin.file)) it.image += ", without its alpha channel";
-      const std::filesystem::path prior = priors.file_for(id, origin.file);
+      const std::filesystem::path prior = priors.file_for(id, origin.name());
       if (!prior.empty()) {
         it.image += ", prior depth " + workspace_.fingerprint(prior);
         if (prior.extension() == ".png") it.image += " times " + priors.unit_text();
