@@ -57,9 +57,7 @@ fs::path made_mission(const TempDir& dir, const Words& options) {
 }
 
 const std::filesystem::path& mission() {
-  static const TempDir dir;
-  static const std::filesystem::path folder =
-      made_mission(dir, {"--keyframes", "5", "--width", "256", "--mask-nadir", "20"});
+  static const std::filesystem::path folder = PMSP_TEST_MISSION;
   return folder;
 }
 

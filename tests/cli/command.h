@@ -43,7 +43,7 @@ std::vector<std::string> densify_words(const std::vector<std::string>& arguments
 /// Makes a mission in a room by pmsp-synth, with these options; returns its folder.
 std::filesystem::path made_mission(const TempDir& dir, const Words& options);
 
-/// A small synthetic mission (folder with map.msg, images/), made once for all tests.
+/// A small synthetic mission (folder with map.msg, images/), which the build made; tests do not change it.
 const std::filesystem::path& mission();
 
 /// The arguments of a quick run on it.
