@@ -14,9 +14,11 @@
 #include "export/octomap.h"
 #include "export/spool.h"
 #include "export/voxel_map.h"
+#include "pmsp/camera.h"
 #include "pmsp/error.h"
 #include "util/median_of.h"
 #include "util/text.h"
+#include "util/thread_pool.h"
 
 namespace pmsp {
 namespace {
@@ -102,6 +104,7 @@ class RobotMap final : public CloudWriter {
  private:
   static constexpr std::size_t kLists = 256;
   static constexpr std::size_t kMostSeen = std::size_t{1} << 20;
+  static constexpr std::size_t kRaysOfTask = 4096;
   static constexpr std::uint32_t kNone = UINT32_MAX;
 
   double range() const { return VoxelMap::kRange * map_.cell(); }
@@ -155,17 +158,22 @@ class RobotMap final : public CloudWriter {
 
   /// One ray for each camera and occupied cell.
   void trace() {
+    ThreadPool pool(header_.threads);
     for (std::size_t list = 0; list < kLists; ++list) {
       std::vector<MapRay> all;
       rays_.read(list, [&all](const MapRay* rays, std::size_t count) { all.insert(all.end(), rays, rays + count); });
       rays_.drop(list);
       std::sort(all.begin(), all.end());
       all.erase(std::unique(all.begin(), all.end()), all.end());
-      for (const MapRay& ray : all) {
-        const CellIndex end = unpacked(ray.cell);
-        const Eigen::Vector3d& camera = cameras_[ray.camera];
-        if ((map_.center_of(end) - camera).norm() <= range()) map_.add_ray(camera, end);
-      }
+      pool.for_each(static_cast<int>((all.size() + kRaysOfTask - 1) / kRaysOfTask), [&](int task) {
+        VoxelMap::Rays rays(map_);
+        const std::size_t first = static_cast<std::size_t>(task) * kRaysOfTask;
+        for (std::size_t i = first; i < std::min(first + kRaysOfTask, all.size()); ++i) {
+          const CellIndex end = unpacked(all[i].cell);
+          const Eigen::Vector3d& camera = cameras_[all[i].camera];
+          if ((map_.center_of(end) - camera).norm() <= range()) rays.add(camera, end);
+        }
+      });
     }
   }
 
@@ -221,25 +229,55 @@ std::vector<double> landmark_ranges(const SlamMap& map) {
   return ranges;
 }
 
-double least_map_bytes(const SlamMap& map, const CloudHeader& header, const std::optional<Box>& box) {
-  const double side = header.cell_size * VoxelBlock::kSide;
-  std::unordered_set<std::uint64_t> blocks;
-  for (const MapKeyframe& in_map : map.keyframes) {
-    const Keyframe keyframe = keyframe_of(map, in_map);
+double expected_map_bytes(const SlamMap& map, const CloudHeader& header, const std::optional<Box>& box) {
+  constexpr int kColumns = 32;        // directions around a camera
+  constexpr double kFarthest = 0.01;  // share of landmarks beyond each side of the box
+  constexpr std::size_t kMostCameras = 100;
+  std::vector<double> ranges = landmark_ranges(map);
+  if (ranges.empty()) return 0.0;
+  const double block = header.cell_size * VoxelBlock::kSide;
+  const double side = std::max(block, header.file_from_map.scale * median(ranges) * 2.0 * kernels::kPi / kColumns);
+  Box most;
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    std::vector<double> at;
+    for (const MapLandmark& it : map.landmarks) at.push_back((header.file_from_map * it.position_world)[axis]);
+    std::sort(at.begin(), at.end());
+    const auto last = static_cast<double>(at.size() - 1);
+    most.low[axis] = at[static_cast<std::size_t>(kFarthest * last)];
+    most.high[axis] = at[static_cast<std::size_t>((1.0 - kFarthest) * last)];
+    for (const auto& [id, pose] : header.cameras) {
+      most.low[axis] = std::min(most.low[axis], pose.translation[axis]);
+      most.high[axis] = std::max(most.high[axis], pose.translation[axis]);
+    }
+    if (box) most.low[axis] = std::max(most.low[axis], box->low[axis]);
+    if (box) most.high[axis] = std::min(most.high[axis], box->high[axis]);
+  }
+  const Eigen::Array3d low = (most.low / side).array().floor(), high = (most.high / side).array().floor();
+  std::unordered_set<std::uint64_t> cubes;
+  for (std::size_t i = 0; i < map.keyframes.size(); i += 1 + map.keyframes.size() / kMostCameras) {
+    const Keyframe keyframe = keyframe_of(map, map.keyframes[i]);
     const Eigen::Vector3d camera = header.file_from_map * keyframe.cam_from_world.center() / side;
+    Eigen::Matrix3Xd directions(3, keyframe.landmarks.size());
+    std::vector<double> distances;
     for (const Landmark& landmark : keyframe.landmarks) {
-      const Eigen::Vector3d end = header.file_from_map * landmark.position_world / side;
-      const bool is_near = (end - camera).norm() * VoxelBlock::kSide <= VoxelMap::kRange;
-      const bool is_inside = (camera.array().abs() < (kCellLimit >> VoxelBlock::kSideBits)).all();
-      if (!is_near || !is_inside) continue;
-      traverse(camera, end, [&](const CellIndex& block, double /*entry*/, double /*exit*/) {
-        const Eigen::Vector3d center = side * Eigen::Vector3d(block[0] + 0.5, block[1] + 0.5, block[2] + 0.5);
-        if (!box || box->contains(center)) blocks.insert(packed(block));
-        return static_cast<double>(blocks.size() * sizeof(VoxelBlock)) <= static_cast<double>(kMostMapBytes);
-      });
+      const Eigen::Vector3d ray = header.file_from_map * landmark.position_world / side - camera;
+      directions.col(static_cast<Eigen::Index>(distances.size())) = ray.normalized();
+      distances.push_back(std::min(ray.norm(), VoxelMap::kRange));
+    }
+    for (int n = 0; n < kColumns * kColumns / 2 && !distances.empty() && (camera.array().abs() < kCellLimit / 2).all();
+         ++n) {
+      const Eigen::Vector3d ray = bearing_from_pixel({n % kColumns + 0.5, n / kColumns + 0.5}, kColumns, kColumns / 2);
+      Eigen::Index nearest = 0;
+      (ray.transpose() * directions).maxCoeff(&nearest);
+      traverse(camera, camera + distances[static_cast<std::size_t>(nearest)] * ray,
+               [&](const CellIndex& cube, double /*entry*/, double /*exit*/) {
+                 const Eigen::Array3d at(cube[0], cube[1], cube[2]);
+                 if ((at >= low).all() && (at <= high).all()) cubes.insert(packed(cube));
+                 return true;
+               });
     }
   }
-  return static_cast<double>(blocks.size() * sizeof(VoxelBlock));
+  return static_cast<double>(cubes.size() * sizeof(VoxelBlock)) * std::pow(side / block, 3);
 }
 
 }  // namespace pmsp

@@ -25,7 +25,7 @@ namespace pmsp {
 PMSP_API std::unique_ptr<CloudWriter> open_robot_map(const std::vector<CloudOutput::Target>& targets,
                                                      const CloudHeader& header, const std::optional<Box>& box);
 
-/// Files that the format ".pgm" writes besides: YAML, and elevation and slope as TIFF.
+/// Files that the format ".pgm" writes besides: YAML, and elevation and slope as TIFF with world files.
 PMSP_API std::vector<std::filesystem::path> files_beside_grid(const std::filesystem::path& path);
 
 /// Returns a size of cells for the points of a mission: at least 1.5 times the spacing of adjacent pixels at the
@@ -35,8 +35,9 @@ PMSP_API double default_cell_size(std::vector<double> ranges, int width);
 /// Distances of the observed landmarks from the keyframes [map units].
 PMSP_API std::vector<double> landmark_ranges(const SlamMap& map);
 
-/// Returns the least memory of the maps' cells [bytes], by the rays to the observed landmarks.
-PMSP_API double least_map_bytes(const SlamMap& map, const CloudHeader& header, const std::optional<Box>& box);
+/// Returns the expected memory of the maps' cells [bytes]: of the space around up to 100 keyframes as far as the
+/// landmark nearest to each direction, within the box of most landmarks.
+PMSP_API double expected_map_bytes(const SlamMap& map, const CloudHeader& header, const std::optional<Box>& box);
 
 /// Maximum memory of the maps' cells [bytes].
 constexpr std::size_t kMostMapBytes = std::size_t{2} << 30;

@@ -13,8 +13,13 @@ namespace {
 constexpr double kAroundCamera = 2.0;
 /// Distance before the end of a ray from which on cells are not free [cells].
 constexpr double kBeforeEnd = 2.0;
+/// Rays that make the occupancy of a cell the least of an OctoMap.
+constexpr int kRaysOfOctomap = 5;
 
 }  // namespace
+
+VoxelMap::VoxelMap(const Options& options)
+    : options_(options), most_rays_(static_cast<std::uint8_t>(std::max(options.least_rays, kRaysOfOctomap))) {}
 
 CellIndex VoxelMap::index_of(const Eigen::Vector3d& position) const {
   CellIndex cell;
@@ -42,10 +47,10 @@ void VoxelMap::add_point(const CellIndex& cell, float confidence) {
   it.evidence = static_cast<std::uint8_t>(std::min(255L, it.evidence + evidence));
 }
 
-void VoxelMap::add_ray(const Eigen::Vector3d& camera, const CellIndex& end) {
-  const VoxelBlock* const last = block(VoxelBlock::of(end));
-  if (last == nullptr || state(last->cells[VoxelBlock::place(end)]) != Space::kOccupied) return;
-  const Eigen::Vector3d from = camera / options_.cell;
+void VoxelMap::Rays::add(const Eigen::Vector3d& camera, const CellIndex& end) {
+  const VoxelBlock* const last = block(VoxelBlock::of(end), false);
+  if (last == nullptr || map_.state(last->cells[VoxelBlock::place(end)]) != Space::kOccupied) return;
+  const Eigen::Vector3d from = camera / map_.cell();
   const Eigen::Vector3d to(end[0] + 0.5, end[1] + 0.5, end[2] + 0.5);
   const double free_until = (to - from).norm() - kBeforeEnd;
   CellIndex at{std::numeric_limits<std::int32_t>::max()};
@@ -53,18 +58,32 @@ void VoxelMap::add_ray(const Eigen::Vector3d& camera, const CellIndex& end) {
   traverse(from, to, [&](const CellIndex& cell, double entry, double exit) {
     if (exit > free_until) return false;
     const CellIndex in = VoxelBlock::of(cell);
-    const bool is_inside = contains(cell);
+    const bool is_inside = map_.contains(cell);
     if (in != at || (current == nullptr && is_inside)) {
       at = in;
-      const auto found = blocks_.find(packed(in));
-      current = found != blocks_.end() ? found->second.get() : is_inside ? &block_for(in) : nullptr;
+      current = block(in, is_inside);
     }
     if (current == nullptr) return true;
     VoxelBlock::Cell& it = current->cells[VoxelBlock::place(cell)];
     if (it.evidence >= kOccupiedEvidence) return entry < kAroundCamera;
-    if (is_inside && it.rays < 255) ++it.rays;
+    if (!is_inside) return true;
+    std::uint8_t rays = it.rays.load(std::memory_order_relaxed);
+    while (rays < map_.most_rays_ &&
+           !it.rays.compare_exchange_weak(rays, static_cast<std::uint8_t>(rays + 1), std::memory_order_relaxed)) {
+    }
     return true;
   });
+}
+
+/// Returns nullptr if there is none and `creates` is false.
+VoxelBlock* VoxelMap::Rays::block(const CellIndex& at, bool creates) {
+  const std::uint64_t key = packed(at);
+  const auto found = known_.find(key);
+  if (found != known_.end()) return found->second;
+  const std::lock_guard<std::mutex> lock(map_.mutex_);
+  const auto stored = map_.blocks_.find(key);
+  if (stored == map_.blocks_.end() && !creates) return nullptr;
+  return known_[key] = stored != map_.blocks_.end() ? stored->second.get() : &map_.block_for(at);
 }
 
 Space VoxelMap::at(const CellIndex& cell) const {

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <unordered_map>
 #include <utility>
@@ -43,8 +45,8 @@ struct VoxelBlock {
   static constexpr std::size_t kCells = std::size_t{1} << 3 * kSideBits;
 
   struct Cell {
-    std::uint8_t evidence = 0;  ///< -32 ln(1 - c), summed over the confidences c of its points; saturating
-    std::uint8_t rays = 0;      ///< number of rays that cross it; saturating
+    std::uint8_t evidence = 0;          ///< -32 ln(1 - c), summed over the confidences c of its points; saturating
+    std::atomic<std::uint8_t> rays{0};  ///< number of rays that cross it, as far as it matters
   };
 
   /// Position within the block from an index of cells.
@@ -80,7 +82,7 @@ class PMSP_API VoxelMap {
     std::size_t most_bytes = std::size_t{2} << 30;
   };
 
-  explicit VoxelMap(const Options& options) : options_(options) {}
+  explicit VoxelMap(const Options& options);
 
   double cell() const { return options_.cell; }
   /// Throws InvalidInput if the cell is out of range.
@@ -89,9 +91,22 @@ class PMSP_API VoxelMap {
 
   /// Throws InvalidInput if the memory is exhausted.
   void add_point(const CellIndex& cell, float confidence);
-  /// Marks the cells of the ray from `camera` to an occupied cell, except the last two before it. To be called after
-  /// the last point. Traversal: Amanatides, Woo 1987. Throws InvalidInput if the memory is exhausted.
-  void add_ray(const Eigen::Vector3d& camera, const CellIndex& end);
+
+  /// Adds rays after the last point. Several threads may do so, each with its own: the result is the same.
+  class Rays {
+   public:
+    explicit Rays(VoxelMap& map) : map_(map) {}
+    /// Marks the cells of the ray from `camera` to an occupied cell, except the last two before it. Traversal:
+    /// Amanatides, Woo 1987. Throws InvalidInput if the memory is exhausted.
+    void add(const Eigen::Vector3d& camera, const CellIndex& end);
+
+   private:
+    VoxelBlock* block(const CellIndex& at, bool creates);
+
+    VoxelMap& map_;
+    std::unordered_map<std::uint64_t, VoxelBlock*> known_;  ///< blocks found so far
+  };
+  void add_ray(const Eigen::Vector3d& camera, const CellIndex& end) { Rays(*this).add(camera, end); }
 
   /// State of a cell; kUnknown outside `box`.
   Space at(const CellIndex& cell) const;
@@ -119,6 +134,8 @@ class PMSP_API VoxelMap {
   VoxelBlock& block_for(const CellIndex& at);
 
   Options options_;
+  std::uint8_t most_rays_;
+  std::mutex mutex_;  ///< of `blocks_`, for Rays
   std::unordered_map<std::uint64_t, std::unique_ptr<VoxelBlock>> blocks_;
 };
 

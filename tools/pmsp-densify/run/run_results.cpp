@@ -14,18 +14,18 @@
 namespace pmsp::tool {
 namespace {
 
-/// Throws InvalidInput if maps for robots exceed their memory even by the rays to landmarks; returns a warning if they
-/// may, by all others; "" = none.
+/// Throws InvalidInput if maps for robots are expected to exceed their memory by far; returns a warning if they may;
+/// "" = none.
 std::string check_map_size(const SlamMap& map, const CloudHeader& header, const std::optional<Box>& box) {
   if (!(header.cell_size > 0.0)) return "";  // reported by the writer
-  constexpr double kLikely = 0.5;
-  const double least = least_map_bytes(map, header, box), most = kMostMapBytes;
-  const std::string text = "cells of " + number_text(header.cell_size) + " make a map for robots that needs at least " +
-                           bytes_text(least) + " of memory, ";
-  if (least > most) {
+  constexpr double kCertain = 2.0, kLikely = 0.5;
+  const double expected = expected_map_bytes(map, header, box), most = kMostMapBytes;
+  const std::string text = "cells of " + number_text(header.cell_size) + " make a map for robots that needs about " +
+                           bytes_text(expected) + " of memory, ";
+  if (expected > kCertain * most) {
     throw InvalidInput(text + "at most " + bytes_text(most) + " are allowed; give a larger --cell-size, or --crop");
   }
-  if (least < kLikely * most) return "";
+  if (expected < kLikely * most) return "";
   return text + "more than " + bytes_text(most) +
          " are an error at the end of the run; give a larger --cell-size, or --crop";
 }
