@@ -172,7 +172,7 @@ bool FloorGrid::is_passable(int x, int y, int floor) const {
     if (has_points(it)) return false;
     free += it == Space::kFree ? 1 : 0;
   }
-  return 2 * free >= robot_cells_;
+  return 4 * free >= 3 * robot_cells_;
 }
 
 void FloorGrid::reach(int x, int y, int z, std::deque<std::uint32_t>& open) {

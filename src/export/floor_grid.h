@@ -21,10 +21,10 @@ struct FloorRobot {
 /// Grid of a floor seen from above: occupied, free and unknown columns of cells, with the height of the floor.
 ///
 /// The floor is the level with the largest area of upward surfaces below the cameras, and what can be reached from it
-/// under the cameras without steps, slopes or obstacles that are too high. A column is free if it is reached and most
-/// of the space up to the height of the robot is free; occupied if it has an occupied cell there, if the floor has a
-/// hole, or is too steep; else unknown. Gaps of at most three columns in the floor are bridged if nothing is seen
-/// through them. Takes about 4 bytes of memory per column.
+/// under the cameras without steps, slopes or obstacles that are too high. A column is free if it is reached and three
+/// quarters of the space up to the height of the robot are free; occupied if it has an occupied cell there, if the
+/// floor has a hole, or is too steep; else unknown. Gaps of at most three columns in the floor are bridged if nothing
+/// is seen through them. Takes about 4 bytes of memory per column.
 class PMSP_API FloorGrid {
  public:
   enum Column : std::uint8_t { kOccupied = 0, kUnknown = 205, kFree = 254 };  ///< as gray levels of a map of ROS

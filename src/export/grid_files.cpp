@@ -51,6 +51,16 @@ std::string yaml_of(const std::filesystem::path& path, const CloudHeader& header
          "free_thresh: 0.196\n";  // 205 lies between: unknown
 }
 
+/// World file: size of the pixels and centre of the first one, for GIS.
+std::string world_file_of(const FloorGrid& grid) {
+  std::string text;
+  for (const double value : {grid.cell(), 0.0, 0.0, -grid.cell(), grid.low_x() + 0.5 * grid.cell(),
+                             grid.low_y() + (grid.height() - 0.5) * grid.cell()}) {
+    text += number_text(value, "%.12g") + "\n";
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string origin_of_map(const CloudHeader& header) {
@@ -59,12 +69,14 @@ std::string origin_of_map(const CloudHeader& header) {
 }
 
 std::vector<std::filesystem::path> files_beside_grid(const std::filesystem::path& path) {
-  return {with_ending(path, ".yaml"), with_ending(path, ".elevation.tif"), with_ending(path, ".slope.tif")};
+  return {with_ending(path, ".yaml"), with_ending(path, ".elevation.tif"), with_ending(path, ".slope.tif"),
+          with_ending(path, ".elevation.tfw"), with_ending(path, ".slope.tfw")};
 }
 
 void write_grid(const std::filesystem::path& path, const CloudHeader& header, const FloorGrid& grid) {
   const std::vector<std::filesystem::path> beside = files_beside_grid(path);
   AtomicFile pgm(path), yaml(beside[0]), elevation(beside[1]), slope(beside[2]);
+  AtomicFile elevation_world(beside[3]), slope_world(beside[4]);
   const auto put = [](AtomicFile& file, const std::vector<unsigned char>& bytes) {
     file.write(bytes.data(), bytes.size());
   };
@@ -72,8 +84,12 @@ void write_grid(const std::filesystem::path& path, const CloudHeader& header, co
   put(elevation,
       encoded(beside[1], ".tif", grid_image<float>(grid, [&](int x, int y) { return grid.elevation(x, y); })));
   put(slope, encoded(beside[2], ".tif", grid_image<float>(grid, [&](int x, int y) { return grid.slope(x, y); })));
+  elevation_world.write(world_file_of(grid));
+  slope_world.write(world_file_of(grid));
   yaml.write(yaml_of(path, header, grid));
-  for (AtomicFile* const file : {&elevation, &slope, &pgm, &yaml}) file->commit();  // the YAML names the PGM
+  for (AtomicFile* const file : {&elevation, &slope, &elevation_world, &slope_world, &pgm, &yaml}) {
+    file->commit();  // last the YAML, which names the PGM
+  }
 }
 
 }  // namespace pmsp

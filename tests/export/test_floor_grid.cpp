@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // Occupancy grids as Nav2 reads them, with paths planned on them.
+#include <array>
 #include <cmath>
+#include <sstream>
 
 #include <catch2/catch.hpp>
 
+#include "export/floor_grid.h"
 #include "export/robot_scene.h"
 #include "pmsp/error.h"
 
@@ -62,6 +65,15 @@ TEST_CASE("a grid has the conventions of Nav2 and lies where its YAML says", "[r
   CHECK(elevation.at<float>(grid.pixel(-1.0, -1.0)) == Approx(0.0).margin(0.06));
   CHECK(slope.at<float>(grid.pixel(-1.0, -1.0)) < 3.0F);
   CHECK(std::isnan(elevation.at<float>(grid.pixel(4.05, 0.0))));
+  for (const char* name : {"map.elevation.tfw", "map.slope.tfw"}) {  // as GDAL reads them: of the first pixel's centre
+    std::istringstream world(read_text(dir / name));
+    std::array<double, 6> v{};
+    for (double& value : v) world >> value;
+    CHECK((v[0] == 0.1 && v[1] == 0.0 && v[2] == 0.0 && v[3] == -0.1));
+    CHECK(grid.pixel(v[4], v[5]) == cv::Point(0, 0));
+    CHECK(v[4] - 0.05 == Approx(grid.low_x));
+    CHECK(v[5] + 0.05 == Approx(grid.low_y + 0.1 * grid.image.rows));
+  }
 }
 
 TEST_CASE("a path leads through a door but not through a wall or a low lintel", "[robot]") {
@@ -89,6 +101,27 @@ TEST_CASE("space below obstacles that are higher than the robot is free", "[robo
   const ReadGrid tall = grid_of(scene, dir, header);
   CHECK_FALSE(tall.has_path(-2.0, 0.0, 2.0, 0.0));
   CHECK(tall.at(-0.45, 0.0) == 0);
+}
+
+TEST_CASE("floor is free only if most of the space above it was seen", "[robot]") {
+  const int seen = GENERATE(6, 9);  // of 11 cells: those of the robot, and one
+  VoxelMap::Options options;
+  options.cell = 0.1;
+  options.least_rays = 1;
+  VoxelMap map(options);
+  for (int y = 0; y < 30; ++y) {
+    for (int x = 0; x < 30; ++x) map.add_point({x, y, 0}, 0.9F);
+    for (int z = 1; z <= seen; ++z) map.add_point({40, y, z}, 0.9F);
+  }
+  for (int y = 0; y < 30; ++y) {
+    for (int z = 1; z <= seen; ++z) map.add_ray({-0.05, 0.1 * y + 0.05, 0.1 * z + 0.05}, {40, y, z});
+  }
+  const auto grid = [&map] { return FloorGrid(map, {{1.5, 1.5, 0.55}}, FloorRobot{1.0, 0.1, 20.0}); };
+  if (seen == 6) {
+    CHECK_THROWS_WITH(grid(), Contains("no free floor"));
+  } else {
+    CHECK(grid().at(15, 15) == FloorGrid::kFree);
+  }
 }
 
 TEST_CASE("ramps are passable up to the slope and stairs up to the step", "[robot]") {
