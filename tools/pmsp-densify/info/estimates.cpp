@@ -15,9 +15,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "cloud_arguments.h"
 #include "cost.h"
 #include "devices.h"
 #include "elementary.h"
+#include "export/robot_map.h"
 #include "io/convention.h"
 #include "io/image_reader.h"
 #include "machine.h"
@@ -408,6 +410,22 @@ std::size_t free_on(const std::vector<int>& devices) {
 
 }  // namespace
 
+double memory_of_outputs(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
+                         const ImageSource& images) {
+  constexpr double kNodes = 1.0;             // of an OctoMap, relative to the cells
+  constexpr double kRays = 32.0 * kMiB;      // of a keyframe
+  constexpr double kDepthPixelBytes = 60.0;  // of a depth map and its files
+  const double depth = arguments.cloud.wants_depth() ? kDepthPixelBytes * options.width * options.height : 0.0;
+  if (!arguments.cloud.has_map()) return depth;
+  ImageFiles files;
+  for (const std::int64_t id : images.keyframe_ids()) files[id] = images.origin(id).file;
+  const CloudFrame frame = find_cloud_frame(arguments.cloud.frame, map, files);
+  const CloudHeader header = cloud_header(arguments, options, map, frame);
+  if (!(header.cell_size > 0.0)) return depth;  // reported by the run
+  const double cells = std::min<double>(expected_map_bytes(map, header, arguments.cloud.amount.crop), kMostMapBytes);
+  return depth + kRays + (1.0 + kNodes) * cells;
+}
+
 void print_memory(const Arguments& arguments) {
   DensifierOptions options = effective_options(arguments);
   const SlamMap map = read_map(arguments);
@@ -423,11 +441,12 @@ void print_memory(const Arguments& arguments) {
   const double workspace = arguments.workspace.empty()
                                ? 0.0
                                : kWorkspaceKeyframe * static_cast<double>(keyframes) + kWorkspacePixel * pixels;
+  const double more = workspace + memory_of_outputs(arguments, options, map, *source);
   const double gpu_workspace = arguments.workspace.empty() ? 0.0 : kWorkspaceGpu;
   const std::vector<int> devices = devices_of(options);
-  const nlohmann::ordered_json json{{"cpu", {{"memory_bytes", whole(memory.host + workspace)}}},
+  const nlohmann::ordered_json json{{"cpu", {{"memory_bytes", whole(memory.host + more)}}},
                                     {"gpu",
-                                     {{"memory_bytes", whole(memory.gpu_host + workspace + gpu_workspace)},
+                                     {{"memory_bytes", whole(memory.gpu_host + more + gpu_workspace)},
                                       {"device_bytes", whole(device.all)},
                                       {"least_device_bytes", whole(device.least)},
                                       {"devices", devices},

@@ -15,6 +15,8 @@
 
 namespace pmsp::tool {
 
+struct Arguments;
+
 // Sizes of results [bytes].
 constexpr double kPlanesBytes = 16.0;  ///< planes of a workspace, per pixel
 constexpr double kPointBytes = 40.0;   ///< points of a workspace, each
@@ -40,6 +42,11 @@ DeviceBudget estimate_device(DensifierOptions options, std::int64_t used, int im
 /// Estimates memory of a run with `used` keyframes, without a plan. `options`: with sizes.
 MemoryBudget estimate_memory(const SlamMap& map, DensifierOptions options, std::int64_t used, int image_width,
                              int image_height);
+
+/// Returns the expected memory of outputs besides clouds [bytes]: maps for robots, and depth images of datasets. Throws
+/// IoError, InvalidInput if the frame of the cloud cannot be found. `options`: with sizes.
+double memory_of_outputs(const Arguments& arguments, const DensifierOptions& options, const SlamMap& map,
+                         const ImageSource& images);
 
 /// Expected cost of a run.
 struct Budget {

@@ -275,7 +275,17 @@ void info(const Arguments& given) {
   }
   std::string budget;
   try {
-    const Budget forecast = estimate_budget({map, plan, options, check.width, check.height, measure_cpu_pace(options)});
+    Budget forecast = estimate_budget({map, plan, options, check.width, check.height, measure_cpu_pace(options)});
+    if (is_dry_run && input.images) {
+      attempt([&] {
+        DensifierOptions sized = options;
+        sized.width = forecast.width;
+        sized.height = forecast.height;
+        const double more = memory_of_outputs(arguments, sized, map, *input.images);
+        forecast.memory.host += more;
+        forecast.memory.gpu_host += more;
+      });
+    }
     json["budget"] = to_json(forecast);
     budget = budget_text(forecast);
     if (is_dry_run && input.images) {
