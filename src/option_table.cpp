@@ -51,7 +51,7 @@ class Table {
 
 #define PMSP_OPTION_OF(owner, field, help) \
   table.option(                            \
-      #field, +[](DensifierOptions & o) -> auto& { return owner.field; }, help)
+      #field, +[](DensifierOptions & o) -> auto& { return (owner).field; }, help)
 #define PMSP_OPTION(field, help) PMSP_OPTION_OF(o, field, help)
 #define PMSP_ADVANCED_OPTION(field, help) PMSP_OPTION_OF(o.advanced, field, help)
 
