@@ -264,8 +264,8 @@ double expected_map_bytes(const SlamMap& map, const CloudHeader& header, const s
       directions.col(static_cast<Eigen::Index>(distances.size())) = ray.normalized();
       distances.push_back(std::min(ray.norm(), VoxelMap::kRange));
     }
-    for (int n = 0;
-         n < kColumns * kColumns / 2 && !distances.empty() && (2.0 * camera.array().abs() < kCellLimit).all(); ++n) {
+    if (distances.empty() || !(2.0 * camera.array().abs() < kCellLimit).all()) continue;
+    for (int n = 0; n < kColumns * kColumns / 2; ++n) {
       const int column = n % kColumns, row = n / kColumns;
       const Eigen::Vector3d ray = bearing_from_pixel({column + 0.5, row + 0.5}, kColumns, kColumns / 2);
       Eigen::Index nearest = 0;

@@ -223,8 +223,8 @@ MaskSummary MaskSource::summarise(const std::vector<fs::path>& images, int width
   std::vector<fs::path> masked;
   for (const fs::path& image : images) {
     const auto named = impl_->options.named.find(image);
-    const bool is_invalid_pose = named != impl_->options.named.end() && !can_be_read(named->second);
-    if (is_invalid_pose && summary.named_missing++ == 0) summary.first_missing = named->second;
+    const bool is_missing = named != impl_->options.named.end() && !can_be_read(named->second);
+    if (is_missing && summary.named_missing++ == 0) summary.first_missing = named->second;
     if (!has_mask(image)) continue;
     masked.push_back(image);
     const fs::path file = file_for(image);

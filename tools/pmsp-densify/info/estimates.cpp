@@ -417,10 +417,7 @@ double memory_of_outputs(const Arguments& arguments, const DensifierOptions& opt
   constexpr double kDepthPixelBytes = 60.0;  // of a depth map and its files
   const double depth = arguments.cloud.wants_depth() ? kDepthPixelBytes * options.width * options.height : 0.0;
   if (!arguments.cloud.has_map()) return depth;
-  ImageFiles files;
-  for (const std::int64_t id : images.keyframe_ids()) files[id] = images.origin(id).file;
-  const CloudFrame frame = find_cloud_frame(arguments.cloud.frame, map, files);
-  const CloudHeader header = cloud_header(arguments, options, map, frame);
+  const CloudHeader header = cloud_header(arguments, options, map, find_frame(arguments, map, images));
   if (!(header.cell_size > 0.0)) return depth;  // reported by the run
   const double cells = std::min<double>(expected_map_bytes(map, header, arguments.cloud.amount.crop), kMostMapBytes);
   return depth + kRays + (1.0 + kNodes) * cells;

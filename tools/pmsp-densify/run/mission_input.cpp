@@ -276,13 +276,15 @@ void MissionInput::open_prior_depths() {
   prior_depths = io::PriorDepths(arguments_.prior_depth, arguments_.images, map);
 }
 
-CloudFrame MissionInput::find_frame() const {
+CloudFrame find_frame(const Arguments& arguments, const SlamMap& map, const ImageSource& images) {
   ImageFiles files;
-  if (!arguments_.cloud.frame.align.empty()) {
-    for (const std::int64_t id : images->keyframe_ids()) files[id] = images->origin(id).file;
+  if (!arguments.cloud.frame.align.empty()) {
+    for (const std::int64_t id : images.keyframe_ids()) files[id] = images.origin(id).file;
   }
-  return find_cloud_frame(arguments_.cloud.frame, map, files);
+  return find_cloud_frame(arguments.cloud.frame, map, files);
 }
+
+CloudFrame MissionInput::find_frame() const { return tool::find_frame(arguments_, map, *images); }
 
 void MissionInput::announce() const {
   progress_.message(map.path.string() + " (" + map.format + "): " + std::to_string(map.keyframes.size()) +

@@ -29,6 +29,9 @@ Arguments with_images(const Arguments& arguments, const SlamMap& map);
 /// As above. Throws UsageError if the map names none.
 Arguments with_needed_images(const Arguments& arguments);
 
+/// Returns the frame of the cloud. Throws as find_cloud_frame.
+CloudFrame find_frame(const Arguments& arguments, const SlamMap& map, const ImageSource& images);
+
 /// Opens --images or --video; nullptr without either.
 std::unique_ptr<ImageSource> open_images(const Arguments& arguments, const SlamMap& map);
 
@@ -64,7 +67,7 @@ class MissionInput : public io::Mission {
   /// Opens --prior-depth, or the depth that the map names. Throws as DepthFolder.
   void open_prior_depths();
 
-  /// Returns the frame of the cloud. Throws as find_cloud_frame.
+  /// As above, of this mission.
   CloudFrame find_frame() const;
 
   /// Emits the counts of map and images, remarks, and a line for each keyframe without an image.
