@@ -9,6 +9,8 @@
 #include <catch2/catch.hpp>
 #include <stdexcept>
 
+#include "support/sanitized.h"
+
 namespace pmsp_test {
 
 namespace fs = std::filesystem;
@@ -67,11 +69,11 @@ std::vector<std::string> quick_run(const std::filesystem::path& output, const st
                                  "--width",  "128",
                                  "--height", "64",
                                  "-o",       output.string()};
-#ifdef PMSP_SANITIZED
-  // Sanitizers slow down PatchMatch, vector code most of all; these tests do not check depths.
-  words.insert(words.end(), {"--patchmatch-iterations", "1", "--patchmatch-refinements", "1",
-                             "--patchmatch-geometric-passes", "0", "--simd", "scalar"});
-#endif
+  if (pmsp::test::kSanitized) {
+    // Sanitizers slow down PatchMatch, vector code most of all; these tests do not check depths.
+    words.insert(words.end(), {"--patchmatch-iterations", "1", "--patchmatch-refinements", "1",
+                               "--patchmatch-geometric-passes", "0", "--simd", "scalar"});
+  }
   const auto gives = [&](const char* option) { return std::find(more.begin(), more.end(), option) != more.end(); };
   if (!gives("--quality") && !gives("--config")) words.insert(words.end(), {"--quality", "online"});
   words.insert(words.end(), more.begin(), more.end());

@@ -8,6 +8,7 @@
 #include "cli/command.h"
 #include "map/scene_files.h"
 #include "pmsp/io/densify.h"
+#include "support/sanitized.h"
 
 using namespace pmsp;
 using namespace pmsp::test;
@@ -29,12 +30,12 @@ DensifierOptions quick(Quality quality) {
   DensifierOptions options = preset(quality);
   options.width = 128;
   options.height = 64;
-#ifdef PMSP_SANITIZED
-  options.simd = Simd::kScalar;
-  options.advanced.patchmatch.iterations = 1;
-  options.advanced.patchmatch.refinements = 1;
-  options.advanced.patchmatch.geometric_passes = 0;
-#endif
+  if (kSanitized) {
+    options.simd = Simd::kScalar;
+    options.advanced.patchmatch.iterations = 1;
+    options.advanced.patchmatch.refinements = 1;
+    options.advanced.patchmatch.geometric_passes = 0;
+  }
   return options;
 }
 

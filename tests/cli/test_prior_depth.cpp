@@ -15,6 +15,7 @@
 #include "pmsp/io/cloud.h"
 #include "pmsp/io/depth.h"
 #include "pmsp/io/map.h"
+#include "support/sanitized.h"
 
 using namespace pmsp_test;
 using Catch::Contains;
@@ -157,8 +158,7 @@ TEST_CASE("Prior depth is an input of a workspace", "[prior depth]") {
   CHECK(changed["kept"] < kept["kept"]);
 }
 
-#ifndef PMSP_SANITIZED
-TEST_CASE("depth of a network becomes consistent with the images and fills bare walls", "[prior depth]") {
+TEST_CASE("depth of a network becomes consistent with the images and fills bare walls", PMSP_ACCURACY) {
   const TempDir dir;
   const fs::path room = dir / "room";
   require_ok(
@@ -178,4 +178,3 @@ TEST_CASE("depth of a network becomes consistent with the images and fills bare 
   CHECK(with.wrong < 0.9 * without.wrong);
   CHECK(alone.median < 0.05);  // in map units, though each image has a unit of its own
 }
-#endif

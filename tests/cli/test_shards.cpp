@@ -14,6 +14,7 @@
 #include "cli/command.h"
 #include "machine.h"
 #include "pmsp/stages.h"
+#include "support/sanitized.h"
 
 using namespace pmsp_test;
 using Catch::Contains;
@@ -51,11 +52,8 @@ fs::path plain(const TempDir& dir, const Words& more = {}) {
 
 /// An instruction set with results different from those of a quick run; "" if there is none.
 std::string other_engine() {
-#ifdef PMSP_SANITIZED
-  return pmsp::widest_simd() == pmsp::Simd::kScalar ? "" : "auto";
-#else
-  return pmsp::widest_simd() == pmsp::Simd::kScalar ? "" : "scalar";
-#endif
+  if (pmsp::widest_simd() == pmsp::Simd::kScalar) return "";
+  return pmsp::test::kSanitized ? "auto" : "scalar";
 }
 
 }  // namespace
@@ -168,11 +166,7 @@ TEST_CASE("shards of a follow-up step give the bytes of a single run", "[shards]
 }
 
 TEST_CASE("a shard killed at any moment resumes", "[shards]") {
-#ifdef PMSP_SANITIZED
-  constexpr int kKills = 1;
-#else
-  constexpr int kKills = 8;
-#endif
+  constexpr int kKills = pmsp::test::kSanitized ? 1 : 8;
   const TempDir dir;
   std::mt19937 random(static_cast<std::uint32_t>(std::chrono::steady_clock::now().time_since_epoch().count()));
   for (int kill_at = 0; kill_at < kKills; ++kill_at) {

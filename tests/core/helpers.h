@@ -10,23 +10,10 @@
 #include "pmsp/options.h"
 #include "pmsp/stages.h"
 #include "pmsp/types.h"
+#include "support/sanitized.h"
 #include "synth/mission.h"
 
-/// Tag of tests that need images large enough for good depths. Under a sanitizer, where PatchMatch takes many
-/// times as long, they are hidden; the others run there with tiny images.
-#ifdef PMSP_SANITIZED
-#define PMSP_ACCURACY "[.accuracy]"
-#else
-#define PMSP_ACCURACY "[accuracy]"
-#endif
-
 namespace pmsp::test {
-
-#ifdef PMSP_SANITIZED
-constexpr bool kSanitized = true;
-#else
-constexpr bool kSanitized = false;
-#endif
 
 /// Instruction set where it does not matter: with a sanitizer's checks, plain code is up to eight times as fast as the
 /// widest (GCC 12).

@@ -13,6 +13,7 @@
 #include "export/sample_points.h"
 #include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
+#include "support/sanitized.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;
@@ -208,11 +209,7 @@ TEST_CASE("a partially replaced Potree cloud is invalid") {
 
 TEST_CASE("an octree larger than memory is split into cells recursively") {
   const TempDir scratch;
-#ifdef PMSP_SANITIZED
-  const std::size_t count = 1100000;
-#else
-  const std::size_t count = 2500000;
-#endif
+  const std::size_t count = pmsp::test::kSanitized ? 1100000 : 2500000;
   const std::vector<OctreePoint> points = octree_points(count, 1 << 20);
   const double cell_steps = GENERATE(1 << 17, 1 << 22);  // small cells; a single one, which is split again
   Octree octree(scratch.path().string(), cell_steps);
