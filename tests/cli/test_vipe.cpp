@@ -89,6 +89,24 @@ TEST_CASE("results of ViPE need no further argument", "[vipe]") {
   CHECK_THAT(densify(run_on(dir / "results", dir / "no.ply")).err, Contains("--video"));
 }
 
+TEST_CASE("fuse makes a cloud of the depth in ViPE's results", "[vipe]") {
+  const TempDir dir;
+  write_results(dir / "results");
+  const auto fuse = [&](const Words& more) {
+    return densify(joined({"fuse", (dir / "results/depth").string(), (dir / "results").string(), "-o",
+                           (dir / "c.ply").string(), "--stats", (dir / "s.json").string()},
+                          more));
+  };
+  require_ok(fuse({"--depth-scale", "2.5"}));
+  CHECK(Json::parse(read_text(dir / "s.json"))["external_depths"]["maps"].size() == 5);
+  CHECK(pmsp::read_ply(dir / "c.ply").positions.size() > 1000);
+  require_ok(fuse({"--depth-scale", "auto", "--force"}));
+  for (const Json& map : Json::parse(read_text(dir / "s.json"))["external_depths"]["maps"]) {
+    CHECK(map["scale"].get<double>() == Approx(2.5).epsilon(0.03));
+  }
+  CHECK_THAT(fuse({"--force"}).err, Contains("--depth-scale 2.5"));
+}
+
 TEST_CASE("info reads the results of ViPE", "[vipe]") {
   const TempDir dir;
   write_results(dir / "results");

@@ -342,7 +342,7 @@ void add_fuse(CLI::App& app, Arguments& a) {
   app.add_option(
          "depth", a.external_depths,
          "Directory with a depth image for each image (7.pfm, 7.exr, 7.npy or 7.png for 7.jpg), distances along the "
-         "rays; or a directory of --depth-maps or --raw-depth-maps")
+         "rays; or a directory of --depth-maps or --raw-depth-maps; or depth/ of ViPE's results")
       ->type_name("DIR");
   add_image_inputs(app, a);
   app.add_option_function<std::string>(

@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <sstream>
+#include <system_error>
 #include <utility>
 
 #include "io/prior_depths.h"
+#include "io/zip_member.h"
 #include "mission_input.h"
 #include "numbers.h"
 #include "pmsp/camera.h"
@@ -23,6 +25,12 @@ constexpr double kOtherUnit = 1.15;
 constexpr double kLeastCosine = 0.01;  ///< between a given normal and the ray
 
 bool is_filtered(const DepthFolder& folder) { return folder.kind() == "filtered"; }
+
+/// `file`: "" = none.
+bool is_in(const std::filesystem::path& file, const std::filesystem::path& folder) {
+  std::error_code error;
+  return !file.empty() && std::filesystem::equivalent(file.parent_path(), folder, error);
+}
 
 /// Nearest-neighbour resampling.
 template <class T>
@@ -65,8 +73,12 @@ std::vector<SkippedKeyframe> ExternalDepths::look(const SlamMap& map, const Imag
   for (const std::int64_t id : source.keyframe_ids()) {
     const MapKeyframe* const in_map = map.find_keyframe(id);
     const std::filesystem::path image = source.origin(id).name();
-    const std::filesystem::path file = folder_.file_for(id, image);
-    if (in_map == nullptr || file.empty()) continue;
+    if (in_map == nullptr) continue;
+    std::filesystem::path file = folder_.file_for(id, image);
+    if (file.empty() && is_in(io::archive_of(in_map->prior_depth), arguments_.external_depths)) {
+      file = in_map->prior_depth;
+    }
+    if (file.empty()) continue;
     const Keyframe keyframe = keyframe_of(map, *in_map);
     try {
       Found found = add_image(keyframe, file, options, ratios);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// Which part of a cloud a picture should show. tools/pmsp-densify/framing.h does the same for the pictures of --preview.
+// Which part of a cloud a picture should show. report/pictures.cpp does the same for the pictures of --preview.
 import { type Vec3, add, basisAround, cross, dot, times, unit } from "./geometry";
 
 const kOutermost = 1; // percent at either end that are never looked at
