@@ -53,7 +53,7 @@ a dense, coloured point cloud, by PatchMatch stereo on the sphere."
 keyframes of a visual SLAM into a dense point cloud."
     pmsp pmsp_io pmsp_web)
   set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
-    "libpmsp${_pmsp_soversion} (= ${PROJECT_VERSION}-1), libeigen3-dev, libopencv-dev, liboctomap-dev, libsqlite3-dev, libpugixml-dev, libzip-dev, zlib1g-dev")
+    "libpmsp${_pmsp_soversion} (= ${PROJECT_VERSION}-${CPACK_DEBIAN_PACKAGE_RELEASE}), libeigen3-dev, libopencv-dev, liboctomap-dev, libsqlite3-dev, libpugixml-dev, libzip-dev, zlib1g-dev")
   set(CPACK_DEBIAN_DEV_PACKAGE_SHLIBDEPS OFF)
 else()
   pmsp_deb(tools pmsp-tools${_pmsp_variant} science "dense 3D from 360-degree video, programs"

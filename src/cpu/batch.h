@@ -86,6 +86,16 @@ PMSP_HD Halves<UInt> gather_halves_of_lanes(const std::uint64_t* data, const Int
   return {UInt::load_aligned(low), UInt::load_aligned(high)};
 }
 
+/// xsimd::bitwise_cast to a batch type; from xsimd 11 on, its argument is the type of a lane.
+template <class To, class From>
+PMSP_HD To bits_as(const From& from) {
+#if XSIMD_VERSION_MAJOR >= 11
+  return xsimd::bitwise_cast<typename To::value_type>(from);
+#else
+  return xsimd::bitwise_cast<To>(from);
+#endif
+}
+
 template <class Arch>
 struct Num<xsimd::batch<float, Arch>> {
   using F = xsimd::batch<float, Arch>;
@@ -95,11 +105,11 @@ struct Num<xsimd::batch<float, Arch>> {
   static constexpr int kLanes = static_cast<int>(F::size);
   static PMSP_HD F whole(const F& a) { return xsimd::trunc(a); }
   static PMSP_HD Int to_int(const F& a) { return xsimd::to_int(a); }
-  static PMSP_HD UInt to_uint(const F& a) { return xsimd::bitwise_cast<UInt>(xsimd::to_int(a)); }
+  static PMSP_HD UInt to_uint(const F& a) { return bits_as<UInt>(xsimd::to_int(a)); }
   static PMSP_HD F from_int(const Int& a) { return xsimd::to_float(a); }
-  static PMSP_HD F from_uint(const UInt& a) { return xsimd::to_float(xsimd::bitwise_cast<Int>(a)); }
-  static PMSP_HD UInt bits(const F& a) { return xsimd::bitwise_cast<UInt>(a); }
-  static PMSP_HD F of_bits(const UInt& bits) { return xsimd::bitwise_cast<F>(bits); }
+  static PMSP_HD F from_uint(const UInt& a) { return xsimd::to_float(bits_as<Int>(a)); }
+  static PMSP_HD UInt bits(const F& a) { return bits_as<UInt>(a); }
+  static PMSP_HD F of_bits(const UInt& bits) { return bits_as<F>(bits); }
   static PMSP_HD F gather(const float* data, const Int& index) { return gather_lanes<F>(data, index); }
   static PMSP_HD UInt gather_words(const std::uint32_t* data, const Int& index) {
     return gather_words_of_lanes<UInt>(data, index);
@@ -107,7 +117,7 @@ struct Num<xsimd::batch<float, Arch>> {
   static PMSP_HD Halves<UInt> gather(const std::uint64_t* data, const Int& index) {
     return gather_halves_of_lanes<UInt>(data, index);
   }
-  static PMSP_HD UInt as_uint(const Int& a) { return xsimd::bitwise_cast<UInt>(a); }
+  static PMSP_HD UInt as_uint(const Int& a) { return bits_as<UInt>(a); }
   static PMSP_HD UInt gather_bytes(const std::uint8_t* data, const Int& index) {
     alignas(64) std::int32_t at[F::size];
     alignas(64) std::uint32_t bytes[F::size];
@@ -138,7 +148,7 @@ struct Num<xsimd::batch<float, Arch>> {
     value.store_unaligned(all);
     for (int i = 0; i < kLanes && i < count; ++i) to[i * stride] = static_cast<std::uint8_t>(all[i]);
   }
-  static PMSP_HD F pow2(const Int& exponent) { return xsimd::bitwise_cast<F>(Int(exponent + Int(127)) << 23); }
+  static PMSP_HD F pow2(const Int& exponent) { return bits_as<F>(Int(exponent + Int(127)) << 23); }
 };
 
 }  // namespace pmsp::kernels

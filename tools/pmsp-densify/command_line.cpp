@@ -17,6 +17,7 @@ namespace pmsp::tool {
 
 void set_up_verb(CLI::App& app, const char* more) {
   wrap_help(app, 30);
+  app.set_help_flag("-h,--help,--help-all", "All options");
   app.option_defaults()->take_last();
   app.allow_extras();
   app.footer(more);
@@ -171,6 +172,7 @@ std::string short_help() {
     const std::string name = line.name == std::string("output") ? "-o, --output" : std::string("--") + line.name;
     text += line_of(name + (*line.value != '\0' ? " " : "") + line.value, line.what, width);
   }
+  text += line_of("--version", "version, commit, build type, backends and instruction set", width);
   return text +
          wrapped(
              "Exit codes: 0 done, 1 unexpected error, 2 usage, 3 input, 4 backend, 5 no points, 6 output, "

@@ -14,6 +14,7 @@ namespace {
 class NearestOne {
  public:
   using DistanceType = float;
+  using IndexType = std::uint32_t;
 
   explicit NearestOne(float max_squared) : squared_(max_squared) {}
   bool full() const { return true; }
@@ -27,6 +28,8 @@ class NearestOne {
     }
     return true;
   }
+
+  void sort() {}
 
   bool found() const { return found_; }
   std::uint32_t index() const { return index_; }
@@ -56,7 +59,7 @@ NearestPoint::~NearestPoint() = default;
 std::optional<NearestPoint::Hit> NearestPoint::find(const Eigen::Vector3f& point, float max_distance) const {
   if (impl_->set.points.empty()) return std::nullopt;
   NearestOne best(max_distance * max_distance);
-  impl_->tree.findNeighbors(best, point.data(), nanoflann::SearchParams());
+  impl_->tree.findNeighbors(best, point.data(), {});
   if (!best.found()) return std::nullopt;
   return Hit{best.index(), std::sqrt(best.worstDist())};
 }
