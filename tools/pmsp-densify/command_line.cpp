@@ -166,13 +166,12 @@ std::string short_help() {
               0) +
       "\n\nUsage: pmsp-densify [VERB] MAP --images DIR -o cloud.ply\n";
   for (const HelpLine& verb : kVerbs) text += line_of(verb.name, verb.what, width);
-  text += "Options of run (--help-all: every option; VERB --help: those of another verb)\n";
+  text += "Options of run (--help-all: every option; VERB --help: those of another verb; --version: backends)\n";
   for (const HelpLine& line : kCommon) {
     if (is_of_info_or_fuse(line)) continue;
     const std::string name = line.name == std::string("output") ? "-o, --output" : std::string("--") + line.name;
     text += line_of(name + (*line.value != '\0' ? " " : "") + line.value, line.what, width);
   }
-  text += line_of("--version", "version, commit, build type, backends and instruction set", width);
   return text +
          wrapped(
              "Exit codes: 0 done, 1 unexpected error, 2 usage, 3 input, 4 backend, 5 no points, 6 output, "
