@@ -2,6 +2,7 @@
 #include "pmsp/io/cloud.h"
 
 #include <algorithm>
+#include <map>
 #include <optional>
 
 #include "export/placed_points.h"
@@ -31,7 +32,12 @@ CloudHeader cloud_header_of(const SlamMap& map, const Similarity& file_from_map,
 
 struct CloudOutput::Impl {
   Impl(const CloudHeader& header, const CloudSelection& amount, const std::vector<Target>& to)
-      : file_from_map(header.file_from_map), crop(amount.crop), targets(to), threads(header.threads) {
+      : file_from_map(header.file_from_map),
+        cameras(header.cameras),
+        cell_size(header.cell_size),
+        crop(amount.crop),
+        targets(to),
+        threads(header.threads) {
     std::vector<Target> maps;
     for (const Target& target : targets) {
       if (target.format->is_map) {
@@ -49,6 +55,17 @@ struct CloudOutput::Impl {
     if (!committed) return;
     throw OutputError((targets.empty() ? std::string("cloud") : targets[0].path.string()) +
                       ": points added after the file was finished");
+  }
+
+  /// Rays of maps start at the cameras of the header.
+  void require_camera(std::int64_t keyframe_id, const KeyframePose& pose) const {
+    const auto camera = cameras.find(keyframe_id);
+    const Eigen::Vector3d center = file_from_map * pose.cam_from_world.center();
+    if (camera != cameras.end() && (camera->second.translation - center).norm() <= cell_size) return;
+    throw InvalidInput(
+        "keyframe " + std::to_string(keyframe_id) + ": its camera is " +
+        (camera == cameras.end() ? "missing" : "elsewhere") +
+        " in CloudHeader::cameras, which a map needs; open the output when poses have their final values");
   }
 
   /// All receivers of the points.
@@ -76,6 +93,8 @@ struct CloudOutput::Impl {
   }
 
   Similarity file_from_map;
+  std::map<std::int64_t, RigidTransform> cameras;  ///< see CloudHeader
+  double cell_size;
   std::optional<Box> crop;
   std::vector<Target> targets;
   std::vector<Target> clouds;  ///< targets of `writers`
@@ -125,6 +144,7 @@ void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
   impl.added += static_cast<std::int64_t>(cloud.points.size());
   const PointTransform points(cloud, pose, impl.file_from_map);
   if (impl.map) {
+    impl.require_camera(cloud.keyframe_id, pose);
     impl.map->set_window(cloud.keyframe_id, cloud.window_ids);
     impl.each_piece(
         points.size(),

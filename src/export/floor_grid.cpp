@@ -20,11 +20,15 @@ constexpr int kWidestGap = 3;             ///< of the floor, that is bridged [co
 constexpr std::int64_t kLeastLevel = 64;  ///< area of the floor's level [columns]
 constexpr double kLeastShare = 0.1;       ///< of all upward surfaces below the cameras
 constexpr std::size_t kMostColumns = std::size_t{1} << 27;
+constexpr int kMostLayers = std::numeric_limits<std::int16_t>::max();
 constexpr int kHoleDepth = 2;      ///< below a step, that is seen [cells]
 constexpr int kWidestWindow = 12;  ///< half of that of the slope [columns]
 constexpr std::array<std::array<int, 2>, 4> kBeside{{{1, 0}, {0, 1}, {-1, 0}, {0, -1}}};
 
-int cells_in(double length, double cell) { return static_cast<int>(std::ceil(length / cell - 1e-6)); }
+/// At most kMostLayers.
+int cells_in(double length, double cell) {
+  return static_cast<int>(std::min(std::ceil(length / cell - 1e-6), static_cast<double>(kMostLayers)));
+}
 
 bool has_points(Space space) { return space == Space::kWeak || space == Space::kOccupied; }
 
@@ -35,7 +39,7 @@ FloorGrid::FloorGrid(const VoxelMap& map, const std::vector<Eigen::Vector3d>& ca
   check_option("robot_slope_deg", robot.slope_deg, 1.0, 60.0);
   const double cell = map.cell();
   robot_cells_ = cells_in(robot.height, cell) + 1;  // a cell of rounding
-  step_cells_ = std::max(1, static_cast<int>(std::floor(robot.step / cell + 1e-6)));
+  step_cells_ = std::max(1, static_cast<int>(std::min(std::floor(robot.step / cell + 1e-6), 1.0 * kMostLayers)));
   // A step that is allowed must not count as a slope: a plane fitted to it across 2 w columns rises by 1.5 steps.
   const double half = 0.75 * robot.step / std::tan(robot.slope_deg * kernels::kDegree);
   window_ = std::clamp(cells_in(half, cell), 2, kWidestWindow);
@@ -63,10 +67,11 @@ void FloorGrid::find_bounds() {
   if (low[0] >= high[0]) throw InvalidInput("the map has no cells; expected points, is --crop right?");
   const std::int64_t layers = std::int64_t{high[2]} - low[2];
   const std::size_t size = static_cast<std::size_t>(high[0] - low[0]) * static_cast<std::size_t>(high[1] - low[1]);
-  if (size > kMostColumns || layers > std::numeric_limits<std::int16_t>::max()) {
+  if (size > kMostColumns || layers > kMostLayers) {
     throw InvalidInput("the grid has " + std::to_string(high[0] - low[0]) + " x " + std::to_string(high[1] - low[1]) +
                        " columns of " + std::to_string(layers) + " cells, expected at most " +
-                       std::to_string(kMostColumns) + " columns of 32767; give a larger --cell-size, or --crop");
+                       std::to_string(kMostColumns) + " columns of " + std::to_string(kMostLayers) +
+                       "; give a larger --cell-size, or --crop");
   }
   low_ = low;
   width_ = high[0] - low[0];
@@ -120,9 +125,9 @@ std::vector<std::uint32_t> FloorGrid::find_seeds(const std::vector<Eigen::Vector
   for (const Eigen::Vector3d& camera : cameras) {
     const int center_x = static_cast<int>(std::floor(camera.x() / map_.cell())) - low_[0];
     const int center_y = static_cast<int>(std::floor(camera.y() / map_.cell())) - low_[1];
-    for (int y = center_y - robot_cells_; y <= center_y + robot_cells_; ++y) {
-      for (int x = center_x - robot_cells_; x <= center_x + robot_cells_; ++x) {
-        if (!is_inside(x, y) || seen[place(x, y)]) continue;
+    for (int y = std::max(center_y - robot_cells_, 0); y <= std::min(center_y + robot_cells_, height_ - 1); ++y) {
+      for (int x = std::max(center_x - robot_cells_, 0); x <= std::min(center_x + robot_cells_, width_ - 1); ++x) {
+        if (seen[place(x, y)]) continue;
         seen[place(x, y)] = true;
         const Floor floor = look(x, y, level);
         if (floor.kind != Floor::kReached || !is_passable(x, y, floor.z)) continue;

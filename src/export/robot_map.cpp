@@ -62,11 +62,11 @@ class RobotMap final : public CloudWriter {
  public:
   RobotMap(const std::vector<CloudOutput::Target>& targets, const CloudHeader& header, const std::optional<Box>& box)
       : targets_(targets), header_(header), map_(voxel_options(header, box)), rays_(header.scratch.string(), kLists) {
-    for (const CloudOutput::Target& target : targets_) check(target);
     for (const auto& [id, pose] : header.cameras) {
       indices_[id] = static_cast<std::uint32_t>(cameras_.size());
       cameras_.push_back(pose.translation);
     }
+    for (const CloudOutput::Target& target : targets_) check(target, box.has_value());
   }
 
   void set_window(std::int64_t keyframe_id, const std::vector<std::int64_t>& window_ids) override {
@@ -77,28 +77,44 @@ class RobotMap final : public CloudWriter {
   }
 
   void add(const OutputPoint* points, std::size_t count) override {
-    for (const OutputPoint* point = points; point != points + count; ++point) {
-      if (keyframe_ == kNone || (point->position - cameras_[keyframe_]).norm() > range()) continue;
-      const CellIndex cell = map_.index_of(point->position);
-      map_.add_point(cell, point->confidence);
-      seen_.push_back({packed(cell), point->agree});
+    if (keyframe_ == kNone || !failure_.empty()) return;
+    try {
+      for (const OutputPoint* point = points; point != points + count; ++point) {
+        ++points_;
+        if ((point->position - cameras_[keyframe_]).norm() > range()) {
+          ++far_points_;
+          continue;
+        }
+        const CellIndex cell = map_.index_of(point->position);
+        map_.add_point(cell, point->confidence);
+        seen_.push_back({packed(cell), point->agree});
+      }
+    } catch (const InvalidInput& error) {
+      failure_ = error.what();
+      return;
     }
-    if (seen_.size() > kMostSeen) merge();
+    if (seen_.size() <= kMostSeen) return;
+    merge();
     if (seen_.size() > kMostSeen / 2) flush();
   }
 
   void finish() override {
+    if (static_cast<double>(far_points_) > kMostFar * static_cast<double>(points_)) {
+      failure_ = "the maps for robots lack " + std::to_string(far_points_) + " of " + std::to_string(points_) +
+                 " points, which are more than 1000 cells of " + number_text(map_.cell()) +
+                 " from their keyframes; give a larger --cell-size";
+    }
+    if (!failure_.empty()) throw InvalidInput(failure_);
     flush();
     trace();
     for (const CloudOutput::Target& target : targets_) {
-      const std::string name = target.format->name;
-      if (name == "pgm") {
-        const FloorRobot robot{header_.robot_height, header_.robot_step, header_.robot_slope_deg};
-        write_grid(target.path, header_, FloorGrid(map_, cameras_, robot));
-      } else {
-        write_octomap(target.path, map_, name == "bt", {origin_of_map(header_)});
+      try {
+        write(target);
+      } catch (const InvalidInput& error) {
+        if (failure_.empty()) failure_ = target.path.string() + ": " + error.what();
       }
     }
+    if (!failure_.empty()) throw InvalidInput(failure_);
   }
 
  private:
@@ -106,6 +122,7 @@ class RobotMap final : public CloudWriter {
   static constexpr std::size_t kMostSeen = std::size_t{1} << 20;
   static constexpr std::size_t kRaysOfTask = 4096;
   static constexpr std::uint32_t kNone = UINT32_MAX;
+  static constexpr double kMostFar = 0.1;  ///< share of points out of range
 
   double range() const { return VoxelMap::kRange * map_.cell(); }
 
@@ -114,7 +131,17 @@ class RobotMap final : public CloudWriter {
     return found != indices_.end() ? found->second : kNone;
   }
 
-  void check(const CloudOutput::Target& target) const {
+  void write(const CloudOutput::Target& target) const {
+    const std::string name = target.format->name;
+    if (name == "pgm") {
+      const FloorRobot robot{header_.robot_height, header_.robot_step, header_.robot_slope_deg};
+      write_grid(target.path, header_, FloorGrid(map_, cameras_, robot));
+    } else {
+      write_octomap(target.path, map_, name == "bt", {origin_of_map(header_)});
+    }
+  }
+
+  void check(const CloudOutput::Target& target, bool is_cropped) const {
     const std::string path = target.path.string();
     if (!(header_.cell_size > 0.0)) throw InvalidInput(path + ": the size of its cells is unknown; give --cell-size");
     if (header_.unit.kind != CloudUnit::Kind::kMetres && !header_.map_units) {
@@ -124,7 +151,17 @@ class RobotMap final : public CloudWriter {
     if (header_.cameras.empty()) {
       throw InvalidInput(path + ": a map needs the positions of the cameras; write it in a run, or from a workspace");
     }
-    if (target.format->name == std::string("pgm")) require_upright(path, header_);
+    if (target.format->name == std::string("pgm")) {
+      require_upright(path, header_);
+      if (header_.robot_step < (1.0 - 1e-6) * header_.cell_size) {
+        throw InvalidInput(path + ": the robot's step " + number_text(header_.robot_step) + " is less than a cell of " +
+                           number_text(header_.cell_size) + "; give a smaller --cell-size or a larger --robot-step");
+      }
+    }
+    for (const Eigen::Vector3d& camera : cameras_) {
+      const CellIndex cell = map_.index_of(camera);
+      if (!is_cropped && target.format->name != std::string("pgm")) require_octomap_range(map_, cell);
+    }
   }
 
   /// Joins the entries of equal cells.
@@ -186,6 +223,8 @@ class RobotMap final : public CloudWriter {
   std::uint32_t keyframe_ = kNone;
   std::vector<std::uint32_t> window_;
   std::vector<SeenCell> seen_;
+  std::size_t points_ = 0, far_points_ = 0;
+  std::string failure_;  ///< why there are no maps; "" = there are
 };
 
 }  // namespace
@@ -262,7 +301,7 @@ double expected_map_bytes(const SlamMap& map, const CloudHeader& header, const s
     for (const Landmark& landmark : keyframe.landmarks) {
       const Eigen::Vector3d ray = header.file_from_map * landmark.position_world / side - camera;
       directions.col(static_cast<Eigen::Index>(distances.size())) = ray.normalized();
-      distances.push_back(std::min(ray.norm(), VoxelMap::kRange));
+      distances.push_back(std::min(ray.norm(), VoxelMap::kRange * header.cell_size / side));
     }
     if (distances.empty() || !(2.0 * camera.array().abs() < kCellLimit).all()) continue;
     for (int n = 0; n < kColumns * kColumns / 2; ++n) {

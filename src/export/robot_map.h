@@ -15,13 +15,15 @@ namespace pmsp {
 
 /// Writer of all maps of free and occupied space of a run (CloudFormat::is_map), from one set of cells. Takes points
 /// before crop and thinning. A cell is occupied by the confidences of its points; the rays from the keyframes that see
-/// these points make cells free. `box`: bounds of the maps, cameras and points outside count.
+/// these points make cells free. Points more than 1000 cells from their keyframe are left out. `box`: bounds of the
+/// maps, cameras and points outside count.
 ///
 /// Memory: 2 bytes per cell of the space near points or rays, at most 2 GiB; see write_octomap and FloorGrid for what
 /// is added in `finish`. Rays are spilled to the header's scratch folder, 16 bytes for each keyframe and cell.
 ///
-/// Throws InvalidInput if the cells have no size, lengths are in map units without `map_units`, there are no cameras,
-/// or z is not upwards for a grid; OutputError.
+/// Throws InvalidInput if the cells have no size, lengths are in map units without `map_units`, there are no cameras or
+/// they are out of range, or for a grid z is not upwards or the robot's step is less than a cell; OutputError. Other
+/// reasons for which a map cannot be made are thrown by `finish`, after the other maps are written.
 PMSP_API std::unique_ptr<CloudWriter> open_robot_map(const std::vector<CloudOutput::Target>& targets,
                                                      const CloudHeader& header, const std::optional<Box>& box);
 

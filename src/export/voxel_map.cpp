@@ -26,9 +26,9 @@ CellIndex VoxelMap::index_of(const Eigen::Vector3d& position) const {
   for (std::size_t i = 0; i < 3; ++i) {
     const double at = std::floor(position[static_cast<Eigen::Index>(i)] / options_.cell);
     if (!(std::abs(at) < kCellLimit - 1)) {
-      throw InvalidInput("the map: position " + number_text(position.x()) + " " + number_text(position.y()) + " " +
-                         number_text(position.z()) + " is more than " + std::to_string(kCellLimit) + " cells of " +
-                         number_text(options_.cell) +
+      throw InvalidInput("the maps for robots: position " + number_text(position.x()) + " " +
+                         number_text(position.y()) + " " + number_text(position.z()) + " is more than " +
+                         std::to_string(kCellLimit) + " cells of " + number_text(options_.cell) +
                          " from the origin; give a larger --cell-size, or move the origin with --transform");
     }
     cell[i] = static_cast<std::int32_t>(at);
@@ -119,8 +119,9 @@ VoxelBlock& VoxelMap::block_for(const CellIndex& at) {
   const auto found = blocks_.find(key);
   if (found != blocks_.end()) return *found->second;
   if (bytes() + sizeof(VoxelBlock) > options_.most_bytes) {
-    throw InvalidInput("the map needs more than " + std::to_string(options_.most_bytes >> 20U) + " MiB with cells of " +
-                       number_text(options_.cell) + "; give a larger --cell-size, or a part of it with --crop");
+    throw InvalidInput("the maps for robots need more than " + std::to_string(options_.most_bytes >> 20U) +
+                       " MiB with cells of " + number_text(options_.cell) +
+                       "; give a larger --cell-size, or a part of it with --crop");
   }
   return *blocks_.emplace(key, std::make_unique<VoxelBlock>()).first->second;
 }

@@ -190,6 +190,38 @@ TEST_CASE("maps that exceed memory or range are refused with a remedy", "[robot]
   CHECK(dir.entries() == 0);
 }
 
+TEST_CASE("a map with most points out of range is an error and the cloud is written", "[robot]") {
+  RobotScene scene = room();
+  const TempDir dir;
+  scene.boxes = {{{-200.0, 150.0, -200.0}, {200.0, 151.0, 200.0}}};
+  CHECK_THROWS_WITH(scene.write(scene.header(dir), dir, {"a.bt", "a.ply"}), Contains("1000 cells of 0.1"));
+  CHECK(read_ply(dir / "a.ply").positions.size() > 1000);
+  CHECK_FALSE(std::filesystem::exists(dir / "a.bt"));
+}
+
+TEST_CASE("a map that cannot be made does not prevent others", "[robot]") {
+  const RobotScene scene = room();
+  const TempDir dir;
+  CloudHeader header = scene.header(dir);
+  header.robot_height = 1e10;
+  CHECK_THROWS_WITH(scene.write(header, dir, {"a.pgm", "a.bt"}), Contains("a.pgm") && Contains("--robot-height"));
+  CHECK(read_bt(dir / "a.bt")->size() > 100);
+  header.robot_step = 0.02;
+  CHECK_THROWS_WITH(scene.write(header, dir, {"b.pgm"}), Contains("--robot-step"));
+}
+
+TEST_CASE("a map takes points at the poses of its header only", "[robot]") {
+  const RobotScene scene = room();
+  const TempDir dir;
+  CloudHeader header = scene.header(dir);
+  CloudOutput output(dir / "a.bt", header);
+  KeyframePose moved = scene.cloud(0).pose();
+  moved.cam_from_world.translation.x() += 1.0;
+  CHECK_THROWS_WITH(output.add(scene.cloud(0), moved), Contains("keyframe 0") && Contains("elsewhere"));
+  header.cameras.erase(1);
+  CHECK_THROWS_WITH(scene.write(header, dir, {"b.bt"}), Contains("keyframe 1") && Contains("missing"));
+}
+
 TEST_CASE("cells are sized by the spacing of pixels at the median distance", "[robot]") {
   CHECK(default_cell_size({5.0, 5.0, 5.0}, 1440) == 0.05);
   CHECK(default_cell_size({5.0, 5.0, 1000.0}, 640) == Approx(0.1));  // not the mean

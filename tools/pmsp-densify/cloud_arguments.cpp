@@ -156,7 +156,8 @@ void add_map(CLI::App& app, MapArguments& a) {
   add_length(
       "--cell-size", a.cell_size,
       "Side of the cells [unit of the cloud; default: 1, 2 or 5 times a power of ten, at least 1.5 times the spacing "
-      "of adjacent pixels at the median distance of the landmarks]");
+      "of adjacent pixels at the median distance of the landmarks; for a grid at most --robot-step]. Points more than "
+      "1000 cells from their keyframe are left out");
   app.add_option_function<std::string>(
          "--least-rays",
          [&a](const std::string& text) {
@@ -185,13 +186,15 @@ void add_map(CLI::App& app, MapArguments& a) {
 
 bool is_map(const CloudOutput::Target& target) { return target.format->is_map; }
 
+bool has_format(const CloudArguments& arguments, const char* name) {
+  const std::vector<CloudOutput::Target> all = arguments.targets();
+  return std::any_of(all.begin(), all.end(),
+                     [name](const CloudOutput::Target& target) { return target.format->name == std::string(name); });
+}
+
 /// Rejects options that no output uses.
 void check_map_options(const CloudArguments& a) {
-  const std::vector<CloudOutput::Target> targets = a.targets();
-  const auto has = [&](const char* name) {
-    return std::any_of(targets.begin(), targets.end(),
-                       [name](const CloudOutput::Target& target) { return target.format->name == std::string(name); });
-  };
+  const auto has = [&](const char* name) { return has_format(a, name); };
   const MapArguments& map = a.map;
   if (a.resolution > 0.0 && a.has_map() && !has("las") && !has("potree")) {
     throw UsageError(
@@ -309,15 +312,18 @@ void check_map_units(const CloudArguments& arguments, const CloudUnit& unit) {
   }
 }
 
-void set_map_options(CloudHeader& header, const MapArguments& arguments, const std::vector<double>& ranges, int width) {
+void set_map_options(CloudHeader& header, const CloudArguments& cloud, const std::vector<double>& ranges, int width) {
+  const MapArguments& arguments = cloud.map;
   std::vector<double> in_file = ranges;
   for (double& range : in_file) range *= header.file_from_map.scale;
-  header.cell_size = arguments.cell_size ? *arguments.cell_size : default_cell_size(std::move(in_file), width);
+  header.cell_size = default_cell_size(std::move(in_file), width);
   if (arguments.least_rays) header.least_rays = *arguments.least_rays;
   if (arguments.robot_height) header.robot_height = *arguments.robot_height;
   if (arguments.robot_step) header.robot_step = *arguments.robot_step;
   if (arguments.robot_slope_deg) header.robot_slope_deg = *arguments.robot_slope_deg;
   header.map_units = arguments.map_units;
+  if (has_format(cloud, "pgm")) header.cell_size = std::min(header.cell_size, header.robot_step);
+  if (arguments.cell_size) header.cell_size = *arguments.cell_size;
 }
 
 std::string unit_of_lengths(const std::string& given, const CloudUnit& unit) {
@@ -410,7 +416,7 @@ CloudHeader cloud_header(const Arguments& arguments, const DensifierOptions& opt
   header.dataset_depth.png_scale = dataset_depth_scale(map, options.advanced.init.range_margin, frame);
   if (arguments.cloud.has_map()) {
     const int width = options.width > 0 ? options.width : map.cameras.empty() ? 0 : map.cameras[0].width;
-    set_map_options(header, arguments.cloud.map, landmark_ranges(map), width);
+    set_map_options(header, arguments.cloud, landmark_ranges(map), width);
   }
   return header;
 }

@@ -68,7 +68,8 @@ bool is_dataset(const CloudFormat& format);
 void check_map_units(const CloudArguments& arguments, const CloudUnit& unit);
 
 /// Sets the header's fields for maps. `ranges`: see default_cell_size [map units]; `width`: of the depth maps.
-void set_map_options(CloudHeader& header, const MapArguments& arguments, const std::vector<double>& ranges, int width);
+void set_map_options(CloudHeader& header, const CloudArguments& arguments, const std::vector<double>& ranges,
+                     int width);
 
 /// Returns "ply, las, ...".
 std::string names_of_formats();

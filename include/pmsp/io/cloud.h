@@ -111,7 +111,7 @@ struct CloudHeader {
   double cell_size = 0.0;                          ///< side of the cells, > 0
   int least_rays = 3;                              ///< rays that make a cell free, at least, 1 to 255
   double robot_height = 1.0;                       ///< free height above the floor, > 0
-  double robot_step = 0.1;                         ///< highest step of the floor, > 0
+  double robot_step = 0.1;                         ///< highest step of the floor, >= `cell_size`
   double robot_slope_deg = 20.0;                   ///< steepest slope of the floor [deg], 1 to 60
   bool map_units = false;                          ///< accept lengths in map units, which no robot may take for metres
 };
@@ -221,7 +221,8 @@ class PMSP_API CloudOutput {
   void add_writer(
       CloudWriter& writer);  ///< second writer of all points, finished by the caller; before the first point
 
-  /// Add points, at the pose of the cloud or a newer one. Throw OutputError (disk full; after `commit`).
+  /// Add points, at the pose of the cloud or a newer one. Throw OutputError (disk full; after `commit`); InvalidInput if
+  /// a target is a map and the camera is not at that place in CloudHeader::cameras.
   void add(const KeyframeCloud& cloud);
   void add(const KeyframeCloud& cloud, const KeyframePose& pose);
   /// Adds points of another frame. Throws InvalidInput if a target is a map, which needs the keyframes of the points.

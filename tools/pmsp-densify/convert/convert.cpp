@@ -384,7 +384,7 @@ class Conversion {
       for (const workspace::RecordedRange& range : keyframe.ranges) ranges.push_back(range.range);
       width = width > 0 ? width : keyframe.width;
     }
-    set_map_options(header_, arguments_.cloud.map, ranges, width);
+    set_map_options(header_, arguments_.cloud, ranges, width);
   }
 
   const ConvertArguments& arguments_;

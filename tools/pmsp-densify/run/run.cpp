@@ -240,7 +240,7 @@ class Run {
     std::string text;
     if (arguments_.report.path.empty() && web::has_report_page())
       text += "\n  look:   pmsp-densify report " + cloud + " -o report.html";
-    if (frame_.file_from_map.scale == 1.0)
+    if (frame_.unit.kind != CloudUnit::Kind::kMetres)
       text += "\n  metres: pmsp-densify convert " + cloud + " -o metres.ply --scale METRES_PER_UNIT";
     return text.empty() ? "" : "next:" + text;
   }
