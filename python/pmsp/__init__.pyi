@@ -572,7 +572,7 @@ class LiveDensifier:
         """Raises InvalidOption, BackendUnavailable, DeviceError."""
     def __enter__(self) -> LiveDensifier: ...
     def __exit__(self, *args: object) -> None:
-        """Cancels work in progress; further calls raise Error."""
+        """Cancels work in progress; further calls raise Error. Raises Error in a callback."""
     def add(self, keyframe: LiveKeyframe) -> None:
         """Adds (with image) or updates a keyframe; ids ascending in time. Raises InvalidInput."""
     def update(self, keyframes: Sequence[LiveKeyframe]) -> None:

@@ -168,7 +168,4 @@ std::vector<T> structs_from(const py::object& object, const std::string& name) {
   return values;
 }
 
-/// Returns an owner that keeps a Python object alive and may be released on any thread.
-std::shared_ptr<const void> kept_alive(py::object object);
-
 }  // namespace pmsp::python

@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <chrono>
 #include <memory>
+#include <mutex>
 #include <set>
+#include <shared_mutex>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -20,12 +23,28 @@
 namespace pmsp::python {
 namespace {
 
+/// Whether Python's code is called on a worker or within a call, where it must not wait for the end of a worker.
+thread_local bool in_callback = false;
+
+/// Acquires the GIL for such code.
+class CallbackScope {
+ public:
+  CallbackScope() : before_(std::exchange(in_callback, true)) {}
+  ~CallbackScope() { in_callback = before_; }
+  CallbackScope(const CallbackScope&) = delete;
+  CallbackScope& operator=(const CallbackScope&) = delete;
+
+ private:
+  py::gil_scoped_acquire acquired_;
+  bool before_;
+};
+
 /// Returns a callback for worker threads, where an exception of Python must not outlive the GIL.
 template <class Argument>
 std::function<void(Argument)> on_worker(std::function<void(Argument)> callback) {
   if (!callback) return {};
   return [callback = std::move(callback)](Argument argument) {
-    const py::gil_scoped_acquire acquired;
+    const CallbackScope scope;
     try {
       callback(argument);
     } catch (const py::error_already_set& error) {
@@ -40,35 +59,55 @@ class Live {
   Live(const LiveOptions& options, LiveCallbacks callbacks) {
     {
       const py::gil_scoped_release released;
-      live_ = std::make_shared<LiveDensifier>(options, std::move(callbacks));
+      worker_ = std::make_unique<Worker>(options, std::move(callbacks));
     }
     all().insert(this);
   }
-  ~Live() { close(); }
+  ~Live() {
+    if (in_callback && worker_) {
+      all().erase(this);
+      ending().emplace_back([ended = std::move(worker_)]() mutable { ended.reset(); });
+    } else {
+      close();
+    }
+  }
   Live(const Live&) = delete;
   Live& operator=(const Live&) = delete;
 
-  /// Ends the worker; further calls throw Error.
+  /// Ends the worker after the calls of other threads; further calls throw Error.
   void close() {
+    if (!worker_) return;
+    if (in_callback) {
+      throw Error(
+          "LiveDensifier: closed by a callback, expected a thread that may wait for the worker's end; let the callback "
+          "set an event that the with statement waits for");
+    }
     all().erase(this);
-    std::shared_ptr<LiveDensifier> ended = std::move(live_);
+    std::unique_ptr<Worker> ended = std::move(worker_);
     const py::gil_scoped_release released;
+    { const std::unique_lock<std::shared_mutex> none_in_progress(ended->calls); }  // no further call finds it
     ended.reset();
   }
 
   /// Before the end of the interpreter, when threads can no longer acquire the GIL.
   static void close_all() {
     while (!all().empty()) (*all().begin())->close();
+    while (!ending().empty()) {
+      std::thread thread = std::move(ending().back());
+      ending().pop_back();
+      const py::gil_scoped_release released;
+      thread.join();
+    }
   }
 
   /// Calls `action` without the GIL.
   template <class Action>
   auto call(Action action) const {
-    if (!live_) throw Error("LiveDensifier: closed; expected calls before the end of its with statement");
-    std::shared_ptr<LiveDensifier> shared = live_;
+    if (!worker_) throw Error("LiveDensifier: closed; expected calls before the end of its with statement");
+    Worker& worker = *worker_;
+    const std::shared_lock<std::shared_mutex> in_progress(worker.calls);
     const py::gil_scoped_release released;
-    const std::shared_ptr<LiveDensifier> live = std::move(shared);  // released without the GIL, too
-    return action(*live);
+    return action(worker.live);
   }
 
   /// Waits in slices, between which signals are checked.
@@ -86,12 +125,23 @@ class Live {
   }
 
  private:
+  struct Worker {
+    Worker(const LiveOptions& options, LiveCallbacks callbacks) : live(options, std::move(callbacks)) {}
+    std::shared_mutex calls;  ///< shared by calls in progress
+    LiveDensifier live;
+  };
+
   static std::set<Live*>& all() {
     static std::set<Live*> instances;
     return instances;
   }
+  /// Threads that end those whose last reference a callback has dropped.
+  static std::vector<std::thread>& ending() {
+    static std::vector<std::thread> threads;
+    return threads;
+  }
 
-  std::shared_ptr<LiveDensifier> live_;
+  std::unique_ptr<Worker> worker_;  ///< null after close()
 };
 
 /// Wraps a member.
@@ -106,6 +156,15 @@ auto released(Result (LiveDensifier::*member)(Arguments...) const) {
   return [member](const Live& self, Arguments... arguments) {
     return self.call([&](const LiveDensifier& live) { return (live.*member)(std::forward<Arguments>(arguments)...); });
   };
+}
+
+/// Returns an owner that keeps a Python object alive and may be released on any thread.
+std::shared_ptr<const void> kept_alive(py::object object) {
+  const void* const pointer = object.ptr();
+  return {pointer, [handle = object.release()](const void*) {
+            const CallbackScope scope;
+            handle.dec_ref();
+          }};
 }
 
 LiveImage live_image(const py::object& pixels, PixelFormat format) {

@@ -71,14 +71,6 @@ bool is_array_of(const py::object& object, const py::dtype& dtype) {
          py::detail::check_flags(object.ptr(), py::detail::npy_api::NPY_ARRAY_ALIGNED_);
 }
 
-std::shared_ptr<const void> kept_alive(py::object object) {
-  const void* const pointer = object.ptr();
-  return {pointer, [handle = object.release()](const void*) {
-            const py::gil_scoped_acquire acquired;
-            handle.dec_ref();
-          }};
-}
-
 }  // namespace pmsp::python
 
 PYBIND11_MODULE(_pmsp, m) {

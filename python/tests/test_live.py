@@ -135,6 +135,54 @@ def test_exceptions_of_callbacks_are_errors_of_the_map(live_keyframes, live_opti
         assert len(live.snapshot().clouds) > 0
 
 
+def test_calls_of_a_callback_end_before_the_worker(live_keyframes, live_options):
+    for _ in range(3):
+        called = threading.Event()
+        errors = []
+
+        def changed(version):
+            called.set()
+            try:
+                while True:
+                    live.changes_since(0)
+            except pmsp.Error as error:
+                errors.append(str(error))
+
+        with pmsp.LiveDensifier(live_options, changed=changed) as live:
+            for keyframe in live_keyframes[:6]:
+                live.add(keyframe)
+            live.finish()
+            assert called.wait(600)
+        assert "closed" in errors[0]
+
+
+def test_a_callback_cannot_close_the_worker_that_runs_it(live_keyframes, live_options):
+    with pmsp.LiveDensifier(live_options, changed=lambda version: live.__exit__()) as live:
+        for keyframe in live_keyframes[:6]:
+            live.add(keyframe)
+        live.finish()
+        assert live.wait(600)
+        assert "closed by a callback" in live.stats().last_error
+        assert len(live.snapshot().clouds) > 0
+
+
+def test_a_callback_may_drop_the_last_reference(live_keyframes, live_options):
+    held, added, ended = [], threading.Event(), threading.Event()
+
+    def changed(version):
+        if added.wait(600):
+            held.clear()
+
+    held.append(pmsp.LiveDensifier(live_options, changed=changed))
+    weakref.finalize(changed, ended.set)
+    del changed
+    for keyframe in live_keyframes[:6]:
+        held[0].add(keyframe)
+    held[0].finish()
+    added.set()
+    assert ended.wait(600) and held == []
+
+
 def test_other_threads_run_during_wait(live_keyframes, live_options):
     with pmsp.LiveDensifier(live_options) as live:
         live.pause()
