@@ -19,7 +19,7 @@ import sys
 import zipfile
 
 OWN = ("pmsp-densify", "pmsp-synth", "pmsp-eval")
-SKIPPED = ("cmake", "colmap", "demo", "ffmpeg", "mission.sh", "mkdir", "ns-train", "pip", "run_video_slam", "setup", "snakemake", "test")
+SKIPPED = ("cmake", "colmap", "demo", "ffmpeg", "mission.sh", "mkdir", "ns-train", "pip", "python3", "run_video_slam", "setup", "snakemake", "test")
 OUTPUTS = ("-o", "--report", "--depth-maps")
 SMALL = (
     (r"(pmsp-densify (run|info|fuse|batch)\b|pmsp-densify(?= \S*(/|\.msg)))", r"\1 --width 64"),
