@@ -85,6 +85,16 @@ export interface Slab {
   thickness: number;
 }
 
+/** The smallest and the largest eigenvalue of a symmetric 3 x 3 matrix, row by row (Smith 1961). */
+export function eigenvalues([xx = 0, xy = 0, xz = 0, , yy = 0, yz = 0, , , zz = 0]: readonly number[]): [number, number] {
+  const mean = (xx + yy + zz) / 3;
+  const p = Math.sqrt(((xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 2 * (xy * xy + xz * xz + yz * yz)) / 6);
+  const [a, b, c]: [Vec3, Vec3, Vec3] = [[xx - mean, xy, xz], [xy, yy - mean, yz], [xz, yz, zz - mean]];
+  const half = p > 0 ? dot(a, cross(b, c)) / (2 * p ** 3) : 0;
+  const angle = Math.acos(Math.max(-1, Math.min(1, half))) / 3;
+  return [mean + 2 * p * Math.cos(angle + (2 * Math.PI) / 3), mean + 2 * p * Math.cos(angle)];
+}
+
 /** The plane that fits points best, and how far they are off. Of fewer than three: a plane through them. */
 export function thinnest(points: readonly Vec3[]): Slab {
   const count = Math.max(points.length, 1);
@@ -95,14 +105,8 @@ export function thinnest(points: readonly Vec3[]): Slab {
     [xx, xy, xz] = [xx + (x * x) / count, xy + (x * y) / count, xz + (x * z) / count];
     [yy, yz, zz] = [yy + (y * y) / count, yz + (y * z) / count, zz + (z * z) / count];
   }
-  const mean = (xx + yy + zz) / 3;
-  if (!(mean > 0)) return { center, normal: [0, 0, 1], thickness: 0 };
-  // The smallest eigenvalue of a symmetric matrix (Smith 1961, "Eigenvalues of a symmetric 3 x 3 matrix").
-  const p = Math.sqrt(((xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 2 * (xy * xy + xz * xz + yz * yz)) / 6);
-  const [a, b, c]: [Vec3, Vec3, Vec3] = [[xx - mean, xy, xz], [xy, yy - mean, yz], [xz, yz, zz - mean]];
-  const half = p > 0 ? dot(a, cross(b, c)) / (2 * p ** 3) : 0;
-  const angle = Math.acos(Math.max(-1, Math.min(1, half))) / 3;
-  const least = mean + 2 * p * Math.cos(angle + (2 * Math.PI) / 3);
+  if (!(xx + yy + zz > 0)) return { center, normal: [0, 0, 1], thickness: 0 };
+  const [least] = eigenvalues([xx, xy, xz, xy, yy, yz, xz, yz, zz]);
   // Rows of what is left span the plane.
   const rows: Vec3[] = [[xx - least, xy, xz], [xy, yy - least, yz], [xz, yz, zz - least]];
   const normals = rows.map((row, i) => cross(row, rows[(i + 1) % 3] ?? row)).sort((u, v) => norm(v) - norm(u));

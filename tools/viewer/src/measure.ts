@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 // What can be measured between points, and how far off it may be.
-import { add, cross, dot, norm, sub, thinnest, times, unit, type Vec3 } from "./geometry";
+import { add, cross, dot, eigenvalues, norm, sub, thinnest, times, unit, type Vec3 } from "./geometry";
 
 export type Kind = "distance" | "height" | "angle" | "area";
 /** Quantity of a measurement; horizontal: part of a distance or height across `up`. */
@@ -122,50 +122,67 @@ export function covarianceOf(point: Picked, camera: Vec3 | null, reach: number):
   return matrix;
 }
 
-/** In degrees for an angle, square units for an area. */
-export function valueOf(kind: Quantity, points: readonly Vec3[], up: Vec3): number {
+/** As long as the measurement. Of an angle: sum (`isWide`) or difference of the directions of its sides. */
+function vectorOf(kind: Quantity, points: readonly Vec3[], up: Vec3, isWide = false): Vec3 {
   const [a, b, c] = points;
-  if (!a || !b) return 0;
-  if (kind === "distance") return norm(sub(b, a));
-  if (kind === "height") return Math.abs(dot(sub(b, a), up));
-  if (kind === "horizontal") return norm(sub(sub(b, a), times(up, dot(sub(b, a), up))));
-  if (!c) return 0;
-  if (kind === "angle") {
-    const u = sub(a, b);
-    const v = sub(c, b);
-    return (Math.atan2(norm(cross(u, v)), dot(u, v)) * 180) / Math.PI;
-  }
+  if (!a || !b) return [0, 0, 0];
+  const height = times(up, dot(sub(b, a), up));
+  if (kind === "distance") return sub(b, a);
+  if (kind === "height") return height;
+  if (kind === "horizontal") return sub(sub(b, a), height);
+  if (!c) return [0, 0, 0];
+  if (kind === "angle") return (isWide ? add : sub)(unit(sub(a, b)), unit(sub(c, b)));
   let sum: Vec3 = [0, 0, 0];
   for (let i = 1; i + 1 < points.length; ++i) {
     sum = add(sum, cross(sub(points[i] ?? a, a), sub(points[i + 1] ?? a, a)));
   }
-  return norm(sum) / 2;
+  return times(sum, 0.5);
 }
 
-/** What 95 % of such measurements are off by less than, to first order, if the points' errors have nothing in common. */
+/** In degrees for an angle, square units for an area. */
+export function valueOf(kind: Quantity, points: readonly Vec3[], up: Vec3): number {
+  if (kind !== "angle") return norm(vectorOf(kind, points, up));
+  return (2 * Math.atan2(norm(vectorOf(kind, points, up)), norm(vectorOf(kind, points, up, true))) * 180) / Math.PI;
+}
+
+const powerOf = (kind: Quantity): number => (kind === "angle" ? 0 : kind === "area" ? 2 : 1);
+
+/**
+ * What 95 % of such measurements are off by less than, to first order, if the points' errors have nothing in common.
+ * Where the vector of the measurement is 0, errors in any direction count.
+ */
 export function errorOf(kind: Quantity, points: readonly Vec3[], covariances: readonly Covariance[], up: Vec3): number {
   const center = times(
     points.reduce((sum, p) => add(sum, p), [0, 0, 0] as Vec3),
     1 / Math.max(points.length, 1),
   );
-  const size = Math.max(...points.map((p) => norm(sub(p, center))), 1e-12);
+  const size = Math.max(...points.map((p) => norm(sub(p, center)))) || 1;
   const step = 1e-4 * size;
-  let variance = 0;
+  const half = kind === "angle" ? (valueOf(kind, points, up) * Math.PI) / 360 : 0;
+  const isWide = half > Math.PI / 4;
+  const matrix = new Array<number>(9).fill(0);
   points.forEach((point, which) => {
-    const gradient = [0, 1, 2].map((axis) => {
-      const moved = (by: number): number => {
+    const slopes = [0, 1, 2].map((axis) => {
+      const moved = (by: number): Vec3 => {
         const all = points.slice();
         all[which] = add(point, [axis === 0 ? by : 0, axis === 1 ? by : 0, axis === 2 ? by : 0]);
-        return valueOf(kind, all, up);
+        return vectorOf(kind, all, up, isWide);
       };
-      return (moved(step) - moved(-step)) / (2 * step);
+      return times(sub(moved(step), moved(-step)), 1 / (2 * step));
     });
-    const c = covariances[which] ?? [];
-    for (let i = 0; i < 3; ++i) {
-      for (let k = 0; k < 3; ++k) variance += (gradient[i] ?? 0) * (c[3 * i + k] ?? 0) * (gradient[k] ?? 0);
-    }
+    covariances[which]?.forEach((c, n) => {
+      const [u, v] = [slopes[Math.floor(n / 3)]!, slopes[n % 3]!];
+      for (let i = 0; i < 9; ++i) matrix[i]! += c * u[Math.floor(i / 3) as 0] * v[(i % 3) as 0];
+    });
   });
-  return Math.sqrt(Math.max(variance, 0));
+  const vector = vectorOf(kind, points, up, isWide);
+  const along = unit(vector);
+  const variance =
+    norm(vector) > 1e-4 * size ** powerOf(kind)
+      ? matrix.reduce((sum, x, i) => sum + x * along[Math.floor(i / 3) as 0] * along[(i % 3) as 0], 0)
+      : eigenvalues(matrix)[1];
+  const error = Math.sqrt(Math.max(variance, 0));
+  return kind === "angle" ? ((error / (isWide ? Math.sin(half) : Math.cos(half))) * 180) / Math.PI : error;
 }
 
 /** "1.234 ± 0.012 m": as many digits as the error leaves. */
@@ -211,7 +228,7 @@ export function resultOf(it: { kind: Kind; points: Picked[] }, about: About): Re
   const covariances = it.points.map((p) => covarianceOf(p, about.camera(p.keyframe), about.reach));
   const { factor, relativeError, unit } = about.scale;
   const valued = (kind: Quantity): Valued => {
-    const power = kind === "angle" ? 0 : kind === "area" ? 2 : 1;
+    const power = powerOf(kind);
     const value = valueOf(kind, places, about.up);
     const error = Math.hypot(errorOf(kind, places, covariances, about.up), power * relativeError * value);
     return { value: factor ** power * value, error: factor ** power * error };

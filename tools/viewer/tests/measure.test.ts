@@ -81,6 +81,23 @@ test("few points, a click beside the point and a step in depth let it be farther
   assert.ok(spread({ gap: 50 }) > 50);
 });
 
+test("what is level, upright, straight or without extent is as uncertain as what nearly is", () => {
+  // 1, 2 and 3 squared along the axes.
+  const one = [1e-4, 0, 0, 0, 4e-4, 0, 0, 0, 9e-4];
+  const error = (kind: Parameters<typeof errorOf>[0], ...points: Vec3[]): number => errorOf(kind, points, points.map(() => one), up);
+  const close = (a: number, b: number): void => assert.ok(Math.abs(a - b) < 1e-3 * b, `${a} is not ${b}`);
+  for (const dz of [0, 1e-6, -1e-6, 1e-3, 0.5]) close(error("height", [0, 0, 1], [2, 0, 1 + dz]), 0.03 * Math.SQRT2);
+  close(error("horizontal", [0, 0, 0], [0, 0, 2]), 0.02 * Math.SQRT2);
+  close(error("horizontal", [0, 0, 0], [0, 0.01, 2]), 0.02 * Math.SQRT2);
+  close(error("distance", [1, 2, 3], [1, 2, 3]), 0.03 * Math.SQRT2);
+  // The middle of a straight line counts twice: 0.03 * sqrt(1 + 4 + 1) across 1 m.
+  const straight = (0.03 * Math.sqrt(6) * 180) / Math.PI;
+  for (const dz of [0, 1e-6, 1e-3]) close(error("angle", [-1, 0, 0], [0, 0, dz], [1, 0, 0]), straight);
+  close(error("angle", [1, 0, 0], [0, 0, 0], [1, 0, 0]), (0.03 * Math.SQRT2 * 180) / Math.PI);
+  close(error("angle", [0, 0, 1], [0, 0, 0], [1, 0, 0]), (Math.sqrt(1e-4 + 9e-4 + 1e-4 + 9e-4) * 180) / Math.PI);
+  assert.ok(error("area", [0, 0, 0], [1, 0, 0], [2, 0, 0]) > 0.01);
+});
+
 test("the error of an area grows with its sides", () => {
   const covariances = square.map(() => [1e-4, 0, 0, 0, 1e-4, 0, 0, 0, 1e-4]);
   const small = errorOf("area", square, covariances, up);
