@@ -36,7 +36,6 @@ export interface ReportData {
   title: string;
   generator: string;
   unit: string;
-  scale_known: boolean;
   up: Vec3;
   origin: Vec3;
   /** Where north is, if it is known. */
@@ -49,6 +48,8 @@ export interface ReportData {
   /** Whether the points have normals. */
   normals?: boolean;
   keyframes: KeyframeData[];
+  /** Input of `convert` that gives the cloud of the page. */
+  convert?: string;
   confidences: number[];
   /** Angle of a pixel of the depth maps [rad]. */
   pixel: number;

@@ -32,6 +32,7 @@ class Page {
   readonly viewer = new Viewer(this.data, byId("points"), byId("overlay"), this.state);
   live: LivePage | null = null;
   private hasStreamWords = false;
+  private liveWords: string | null = null;
   readonly measuring = new Measuring(
     this.viewer,
     this.state,
@@ -118,7 +119,7 @@ class Page {
   private startPolling(pageVersion: number): void {
     const live = (this.live = new LivePage(byId("view"), this.viewer, pageVersion, (message) => {
       document.body.dataset["live"] = live.live.state;
-      this.say(message);
+      if (message !== this.liveWords) this.say((this.liveWords = message));
       this.tellPoints();
       this.modeButtons.get("walk")!.disabled = this.viewer.trajectory.order.length === 0;
       this.allowPhotos();

@@ -2,10 +2,10 @@
 // Buttons that measure, the points that are taken for them, and undoing.
 import { button, el } from "./dom";
 import { type Vec3, norm, sub } from "./geometry";
-import { lengthFrom } from "./lengths";
+import { lengthFrom, units } from "./lengths";
 import { type Kind, type Picked, pointsOf } from "./measure";
 import { Picking } from "./picking";
-import { type ViewState, kMaxLetters } from "./state";
+import { type ViewState, kMaxLetters, kMaxMarks } from "./state";
 import type { Viewer } from "./viewer";
 import { kindWords, measureWords } from "./words";
 
@@ -34,6 +34,8 @@ export class Measuring {
   /** For a photo, the last one. */
   private request: object = {};
   private lastClick: { x: number; y: number; view: string } | null = null;
+  /** View in which Enter took the last point; null = it was clicked. */
+  private entered: string | null = null;
 
   /** `changed`: there is another measurement or note, or another tool is chosen. */
   constructor(
@@ -73,17 +75,32 @@ export class Measuring {
     return this.tool === "area" && this.viewer.pending.length >= 3;
   }
 
-  /** Key Enter. `plain`: without snapping. */
+  /** Why no point can be taken, as the address keeps no more; "" = one can. */
+  private get limit(): string {
+    if (this.viewer.pending.length >= kMaxMarks) return `An area has at most ${kMaxMarks} corners; complete it with Area.`;
+    const kind = this.tool === "note" ? "notes" : "measurements";
+    const isFull = this.tool !== "length" && this.state[kind].length >= kMaxMarks;
+    return isFull ? `There are at most ${kMaxMarks} ${kind}; remove one first.` : "";
+  }
+
+  private get view(): string {
+    return JSON.stringify([this.state.mode, this.state.eye, this.state.target]);
+  }
+
+  /** Key Enter: takes the point in the middle, or completes an area where it has just done that. `plain`: without snapping. */
   enter(plain: boolean): void {
-    const { canvas } = this.viewer;
-    if (this.canComplete) this.complete("area");
-    else this.take(canvas.clientWidth / 2, canvas.clientHeight / 2, plain);
+    const { canvas, pending } = this.viewer;
+    const count = pending.length;
+    if (this.canComplete && (this.entered ?? this.view) === this.view) return this.complete("area");
+    this.take(canvas.clientWidth / 2, canvas.clientHeight / 2, plain);
+    if (pending.length > count) this.entered = this.view;
   }
 
   /** Takes the point at pixels from the upper left corner of the picture. */
   take(x: number, y: number, plain: boolean): void {
     const { tool, viewer, state } = this;
     if (!tool || this.isSameClick(x, y)) return;
+    if (this.limit !== "") return this.say(this.limit);
     const point = this.picking.at(x, y, this.picking.snaps && !plain);
     if (typeof point === "string") return this.say(point);
     const { picked, snap } = point;
@@ -94,6 +111,7 @@ export class Measuring {
       return this.choose(null);
     }
     viewer.pending.push(picked);
+    this.entered = null;
     const count = viewer.pending.length;
     this.say(`${count} ${count === 1 ? "point" : "points"} taken${snap ? `, the last one on ${snap === "edge" ? "an" : "a"} ${snap}` : ""}.`);
     if (tool === "length") {
@@ -106,7 +124,7 @@ export class Measuring {
   }
 
   private isSameClick(x: number, y: number): boolean {
-    const view = JSON.stringify([this.state.mode, this.state.eye, this.state.target]);
+    const { view } = this;
     const last = this.lastClick;
     this.lastClick = { x, y, view };
     return last !== null && last.view === view && Math.hypot(last.x - x, last.y - y) < kSameClick && this.viewer.pending.length > 0;
@@ -122,7 +140,7 @@ export class Measuring {
 
   private calibrate(points: [Picked, Picked]): void {
     const text = window.prompt("Length between the two points, such as 2.01, 2.01 m, 6.6 ft or 6' 7\"", "");
-    const length = text === null ? null : lengthFrom(text, this.state.unit ?? "m");
+    const length = text === null ? null : lengthFrom(text, this.state.unit ?? units.find((it) => it === this.viewer.scale.unit) ?? "m");
     this.choose(null);
     if (length) this.change(() => (this.state.calibration = { points, ...length }));
     if (text !== null) this.say(length ? "All lengths are scaled by the known one." : `"${text.slice(0, 40)}" is no length; expected one such as 2.01 m, 6.6 ft or 6' 7".`);

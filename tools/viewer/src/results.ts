@@ -11,7 +11,7 @@ import type { Viewer } from "./viewer";
 import { kindWords } from "./words";
 
 /** What is measured and noted, with coordinates in the frame of the cloud. */
-export function sheetOf(viewer: Viewer): Sheet {
+function sheetOf(viewer: Viewer): Sheet {
   const { state, data, scale } = viewer;
   const short = (x: number): number => Number(x.toPrecision(12));
   const places = (all: readonly Vec3[]): Vec3[] => all.map((p) => times(add(p, data.origin), scale.factor).map(short) as unknown as Vec3);
@@ -63,8 +63,7 @@ export class Results {
   ) {
     const sheet = (): Sheet => sheetOf(viewer);
     this.undoButton = button("Undo", () => measuring.undo());
-    this.select.append(el("option", { value: "" }, viewer.data.unit));
-    for (const unit of units) if (unit !== viewer.data.unit) this.select.append(el("option", { value: unit }, unit));
+    for (const unit of new Set([viewer.data.unit, ...units])) this.select.append(el("option", { value: unit }, unit));
     this.select.addEventListener("change", () => this.setUnit(this.select.value));
     this.snap.addEventListener("change", () => measuring.toggleSnapping());
     place.append(
@@ -108,15 +107,30 @@ export class Results {
     const { viewer, state } = this;
     const { scale } = viewer;
     this.select.disabled = !hasUnits(viewer.data.unit, state.calibration);
-    const own = [...this.select.options].find((it) => it.textContent === scale.unit);
-    if (own) own.selected = true;
+    this.select.value = scale.unit;
     this.snap.checked = this.measuring.picking.snaps;
-    const shown = JSON.stringify([scale, state.measurements.map((it) => [it.kind, it.points]), state.notes, state.calibration]);
-    if (shown === this.shown) return;
-    this.shown = shown;
+    const before = this.shown;
+    this.setShown();
+    if (this.shown === before) return;
     this.known.replaceChildren(...this.knownLength(scale));
     this.table.hidden = state.measurements.length + state.notes.length === 0;
     this.table.replaceChildren(this.rows(scale));
+  }
+
+  /** What the table shows now. */
+  private setShown(): void {
+    const { viewer, state } = this;
+    this.shown = JSON.stringify([viewer.scale, state.measurements.map((it) => [it, viewer.result(it)]), state.notes, state.calibration]);
+  }
+
+  /** The table stays, and with it the focus. */
+  private rename(which: number, name: string): void {
+    this.measuring.change(() => {
+      const it = this.state.measurements[which]!;
+      if (name === "") delete it.name;
+      else it.name = name;
+      this.setShown();
+    });
   }
 
   private remove(act: () => void): void {
@@ -128,11 +142,12 @@ export class Results {
     const { state, viewer } = this;
     const known = state.calibration;
     if (!known) return [];
-    const written = viewer.data.facts.find(([name]) => name === "Written to")?.[1].split(", ")[0];
-    const command = convertCommand(written ?? "cloud.ply", known, viewer.data.origin);
     const length = `${Number(known.metres.toPrecision(6))} m ± ${percentText(scale.relativeError)}`;
+    const told = el("p", {}, `Lengths follow from a known one of ${length}. `, button("Remove known length", () => this.remove(() => (state.calibration = null))));
+    if (viewer.data.convert === undefined) return [told];
+    const command = convertCommand(viewer.data.convert, known, viewer.data.origin);
     return [
-      el("p", {}, `Lengths follow from a known one of ${length}. `, button("Remove known length", () => this.remove(() => (state.calibration = null)))),
+      told,
       el("p", {}, "The cloud in metres: ", el("code", {}, command), " ", button("Copy command", () => {
         void copied(command).then((works) => this.say(works ? "The command is copied." : "The browser refuses to copy."));
       })),
@@ -147,11 +162,7 @@ export class Results {
       const called = `${kindWords[it.kind]} ${i + 1}`;
       const name = el("input", { type: "text", "aria-label": `Name of ${called}`, maxlength: String(kMaxLetters), placeholder: called });
       name.value = it.name ?? "";
-      name.addEventListener("change", () => {
-        if (name.value === "") delete it.name;
-        else it.name = name.value;
-        this.changed();
-      });
+      name.addEventListener("change", () => this.rename(i, name.value));
       const result = viewer.result(it);
       const photos = it.points.map((p, k) => button(String(k + 1), () => measuring.showBestPhoto(p.position), { "aria-label": `Best photo of point ${k + 1} of ${called}` }));
       const remove = button("Remove", () => this.remove(() => state.measurements.splice(i, 1)), { "aria-label": `Remove ${called}` });

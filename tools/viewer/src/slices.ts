@@ -78,7 +78,7 @@ export class Slices {
   }
 
   refresh(): void {
-    const { cloud, data } = this.viewer;
+    const { cloud, scale } = this.viewer;
     const { storeys } = this.viewer.trajectory;
     const { cut } = this.state;
     if (this.known !== storeys) {
@@ -102,7 +102,7 @@ export class Slices {
     const middle = this.isSlice ? ((cut[4] ?? 0) + (cut[5] ?? 0)) / 2 : this.viewer.storey.camera;
     place(this.height, 2, middle);
     const floor = storeys.filter((it) => it.floor < middle).at(-1)?.floor ?? cloud.low[2];
-    const text = `${(middle - floor).toPrecision(3)} ${data.unit} above the floor`;
+    const text = `${(scale.factor * (middle - floor)).toPrecision(3)} ${scale.unit} above the floor`;
     this.height.setAttribute("aria-valuetext", text);
     this.heightText.textContent = text;
   }

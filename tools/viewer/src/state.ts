@@ -64,7 +64,8 @@ export const initialState = (): ViewState => ({
   unit: null,
 });
 
-const kMaxMarks = 100;
+/** The most measurements, notes, and corners of an area. */
+export const kMaxMarks = 100;
 export const kMaxLetters = 200;
 const kNameMark = ";name:";
 
@@ -125,8 +126,8 @@ function picked(text: string): Picked | null {
 
 function measurement(kind: Kind, text: string): Measurement | null {
   const [places = "", ...name] = text.split(kNameMark);
-  const points = places.split(";").slice(0, kMaxMarks).map(picked);
-  if (!points.every((it): it is Picked => it !== null)) return null;
+  const points = places.split(";", kMaxMarks + 1).map(picked);
+  if (points.length > kMaxMarks || !points.every((it): it is Picked => it !== null)) return null;
   if (points.length !== pointsOf[kind] && (kind !== "area" || points.length < 3)) return null;
   return name.length > 0 ? { kind, points, name: name.join(kNameMark).slice(0, kMaxLetters) } : { kind, points };
 }

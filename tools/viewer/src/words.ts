@@ -30,7 +30,7 @@ export const keyWords: [string, string][] = [
   ["E and Q", "up and down"],
   ["L, H, V, R", "measure a distance, a height, an angle, an area"],
   ["K", "set the scale by a known length"],
-  ["Enter", "take the point in the middle of the picture; end an area"],
+  ["Enter", "take the point in the middle of the picture; again there, or after a click: end an area"],
   ["Shift", "with a click or Enter: without snapping"],
   ["T", "snapping on or off"],
   ["U or Ctrl+Z", "undo"],

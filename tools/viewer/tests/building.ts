@@ -152,7 +152,6 @@ export function buildingPage(count: number, change: (data: ReportData) => void =
     title: "Building",
     generator: "pmsp-densify",
     unit: "m",
-    scale_known: true,
     up: [0, 0, 1],
     origin: [0, 0, 0],
     points_in: count,

@@ -309,6 +309,7 @@ test("keyframes that a newer map has moved move in the page, and their points ar
   await hasCaughtUp(page);
   const before = await shown(page);
   const fetched = await fetchedOf(page);
+  await page.click("text=Distance");
   copyFileSync(join(larger, "map.msg"), join(own, "map.new"));
   renameSync(join(own, "map.new"), join(own, "map.msg"));
   const length = (x: number[]): number => Math.hypot(...x);
@@ -322,6 +323,7 @@ test("keyframes that a newer map has moved move in the page, and their points ar
   );
   await writtenAfter(first);
   await hasCaughtUp(page);
+  assert.equal(await page.textContent("#message"), "Click two points.", "updates keep what measuring says");
   const after = await shown(page);
   assert.deepEqual(Object.keys(after.cubes).sort(), Object.keys(before.cubes).sort());
   for (const [id, at] of Object.entries(before.centers)) {

@@ -10,7 +10,7 @@ import { after, before, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import type { ReportData } from "../src/data";
 import { type Vec3, norm, sub } from "../src/geometry";
-import { chromiumPath, openFile, openPage, skipInFirefox, startBrowser, violations } from "./browser";
+import { chromiumPath, idle, openFile, openPage, skipInFirefox, startBrowser, violations } from "./browser";
 import { killAll, start } from "./program";
 
 type Viewed = { pmspPage: any };
@@ -177,12 +177,17 @@ test("a double click is one point", async () => {
 test("a known length scales the page, stays in the address, and its command makes the cloud that large", async () => {
   const { page, errors } = await measured();
   assert.match((await page.textContent("#results tbody")) ?? "", /± .* map units/);
+  const height = (): Promise<string> => page.locator("#clip output").textContent().then((text) => text ?? "");
+  const unscaled = await height();
+  assert.match(unscaled, /map units above the floor$/);
   await page.click("text=Known length");
   page.once("dialog", (dialog) => void dialog.accept("16 m"));
   for (const place of [corner(-1, -1, -1), corner(-1, -1, 1)]) await clickAt(page, place);
   const value = (text: string): number[] => [...text.matchAll(/[\d.]+/g)].map((it) => Number(it[0]));
   const [length = 0, error = 0] = value((await page.textContent("#results tbody td:nth-child(3)")) ?? "");
   assert.ok(Math.abs(length - 16) <= error && error < 2, `${length} ± ${error}`);
+  assert.match(await height(), /\d m above the floor$/);
+  assert.ok(Math.abs(parseFloat(await height()) / parseFloat(unscaled) - 2) < 0.2, await height());
   await addressWith(page, "length=");
   const { page: again } = await openFile(browser, report, { hash: page.url().split("#")[1] ?? "" });
   assert.equal(await again.textContent("#results"), await page.textContent("#results"));
@@ -218,6 +223,11 @@ test("names, undo and clear, by button and by key", async () => {
   const { page } = await measured();
   await page.fill("#results tbody input", "<b>long side</b>");
   await page.locator("#results tbody input").press("Tab");
+  assert.match((await page.evaluate(() => document.activeElement?.getAttribute("aria-label"))) ?? "", /of point 1 of Distance 1$/);
+  await page.click("#results >> text=Undo");
+  assert.equal(await page.inputValue("#results tbody input"), "");
+  await page.fill("#results tbody input", "<b>long side</b>");
+  await page.locator("#results tbody input").press("Tab");
   await addressWith(page, "name%3A%3Cb%3Elong");
   const { page: again } = await openFile(browser, report, { hash: page.url().split("#")[1] ?? "" });
   assert.equal(await again.inputValue("#results tbody input"), "<b>long side</b>");
@@ -243,6 +253,46 @@ test("names, undo and clear, by button and by key", async () => {
   assert.equal(await page.evaluate(() => (window as unknown as Viewed).pmspPage.viewer.pending.length), 1);
   await page.keyboard.press("u");
   assert.match(await message(page), /point is undone; 0 left/);
+  await page.context().close();
+});
+
+test("by keyboard an area has as many corners as one likes: Enter again ends it", async () => {
+  const { page } = await openFile(browser, report, { hash: `view=keyframe&keyframe=${photos()[0]}` });
+  await page.focus("#points");
+  await page.keyboard.press("r");
+  const pending = (): Promise<number> => page.evaluate(() => (window as unknown as Viewed).pmspPage.viewer.pending.length);
+  for (let i = 0; i < 40 && (await pending()) < 4; ++i) {
+    await page.keyboard.press(i % 3 === 2 ? "ArrowUp" : "ArrowRight");
+    await page.keyboard.press("Enter");
+  }
+  assert.equal(await pending(), 4);
+  await page.keyboard.press("Enter");
+  assert.equal(await pending(), 0);
+  assert.match((await page.textContent("#results tbody tr")) ?? "", /^Area\d.* ± /);
+  await page.context().close();
+});
+
+test("what the address cannot keep is refused, with a message", async () => {
+  const { page } = await measured();
+  await page.evaluate(() => {
+    const { state } = (window as unknown as Viewed).pmspPage;
+    state.measurements = new Array(100).fill(state.measurements[0]);
+  });
+  await page.click("text=Distance");
+  await clickAt(page, corner(-1, -1, -1));
+  assert.match(await message(page), /at most 100 measurements/);
+  assert.equal(await page.evaluate(() => (window as unknown as Viewed).pmspPage.viewer.pending.length), 0);
+  await page.context().close();
+});
+
+test("a table from an address says what the loaded page does", async () => {
+  const { page } = await openFile(browser, report, { hash: "distance=0,0,0,0.5,-1,0;1,0,0,0.5,-1,0" });
+  await idle(page);
+  const text = await page.evaluate(() => {
+    const { viewer } = (window as unknown as Viewed).pmspPage;
+    return viewer.result(viewer.state.measurements[0]).text;
+  });
+  assert.equal(await page.textContent("#results tbody td:nth-child(3)"), text);
   await page.context().close();
 });
 

@@ -51,6 +51,11 @@ test("what makes no sense is left out", () => {
   for (const text of words) assert.deepEqual(stateFrom(text), initialState(), text);
 });
 
+test("an area of too many corners is left out, not cut", () => {
+  const area = (corners: number): number => stateFrom(`area=${Array.from({ length: corners }, (_, i) => `${i},0,0,1,0,0`).join(";")}`).measurements.length;
+  assert.deepEqual([area(100), area(101)], [1, 0]);
+});
+
 test("numbers are kept in their bounds", () => {
   const state = stateFrom("fade=7&size=100&keyframe=3.6&clip=-1,2,0,1,0,1");
   assert.equal(state.fade, 1);
