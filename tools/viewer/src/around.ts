@@ -14,7 +14,7 @@ const kPause = 700; // [ms]
 const sides = ["right", "left", "below", "above", "ahead", "behind"] as const;
 export type Side = (typeof sides)[number];
 
-export interface Covered {
+interface Covered {
   width: number;
   height: number;
   /** Row by row: 1 = there is a point. The middle is straight ahead, the first row straight up. */

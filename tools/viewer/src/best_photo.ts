@@ -29,7 +29,7 @@ export function sees(photo: Photo, position: Vec3): boolean {
 }
 
 /** How well: pixels per length of the surface. `normal`: null = unknown. */
-export function sharpness(pose: Pose, position: Vec3, normal: Vec3 | null): number {
+function sharpness(pose: Pose, position: Vec3, normal: Vec3 | null): number {
   const ray = sub(position, pose.center);
   const facing = normal ? Math.abs(dot(unit(ray), normal)) : 1;
   return Math.max(facing, kFlattest) / Math.max(norm(ray), 1e-12);

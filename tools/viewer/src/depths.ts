@@ -79,7 +79,7 @@ export class Depths {
 }
 
 /** Where a ray in the camera's axes begins: rays of two lenses do so in front of the centre and behind it. */
-export const lensOf = (ray: Vec3, lensDistance: number): Vec3 => [0, 0, (ray[2] > 0 ? 0.5 : -0.5) * lensDistance];
+const lensOf = (ray: Vec3, lensDistance: number): Vec3 => [0, 0, (ray[2] > 0 ? 0.5 : -0.5) * lensDistance];
 
 /** Place of a depth along a ray, in the camera's axes. */
 export function placeAt(ray: Vec3, depth: number, lensDistance: number): Vec3 {

@@ -26,7 +26,7 @@ const number = (x: number): string => String(Number(x.toPrecision(12)));
 const place = (p: Vec3): string => p.map(number).join(" ");
 
 /** "m", "m2", "deg"; "" for a note. */
-export function unitOf(kind: Row["kind"], unit: string): string {
+function unitOf(kind: Row["kind"], unit: string): string {
   return kind === "note" ? "" : kind === "angle" ? "deg" : kind === "area" ? `${unit}2` : unit;
 }
 

@@ -79,7 +79,7 @@ export function mainDirection(places: readonly Vec3[], up: Vec3): Vec3 {
 }
 
 /** Points lie around `center`, least far along `normal`: `thickness` is what they are off from the plane (root of the mean square). */
-export interface Slab {
+interface Slab {
   center: Vec3;
   normal: Vec3;
   thickness: number;

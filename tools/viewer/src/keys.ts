@@ -5,7 +5,7 @@ import type { Results } from "./results";
 import type { Mode, ViewState } from "./state";
 import type { Viewer } from "./viewer";
 
-export interface KeyTarget {
+interface KeyTarget {
   state: ViewState;
   viewer: Viewer;
   measuring: Measuring;

@@ -39,7 +39,7 @@ interface Reply {
   report?: string;
 }
 
-export interface LiveProgress {
+interface LiveProgress {
   stage: string;
   /** null = unknown */
   share: number | null;
@@ -55,7 +55,7 @@ const kMaxRequests = 3;
 const kUpdatePause = 100; // [ms]
 const sleep = (ms: number): Promise<void> => new Promise((done) => setTimeout(done, ms));
 
-export interface LiveBlock {
+interface LiveBlock {
   /** The cube around the points, in the frame of the keyframe. */
   corner: Vec3;
   side: number;

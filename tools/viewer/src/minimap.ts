@@ -8,7 +8,7 @@ const kLength = [180, 110] as const;
 const kMargin = 8;
 const kMostPoints = 200_000;
 
-export interface MapSource {
+interface MapSource {
   basis: readonly [Vec3, Vec3, Vec3];
   cloud: {
     loaded: number;
@@ -32,6 +32,8 @@ export class Minimap {
   private readonly ground = document.createElement("canvas");
   private shown: Position | null = null;
   private scale = 1;
+  /** Drawn. */
+  private heights: [number, number] = [NaN, NaN];
   private readonly ratio = Math.min(window.devicePixelRatio || 1, 2);
 
   /** `go`: the nearest keyframe of a place that was clicked. */
@@ -67,7 +69,7 @@ export class Minimap {
     [this.canvas.style.width, this.canvas.style.height] = [`${width}px`, `${height}px`];
     const columns = this.ground.width;
     const counts = new Float32Array(columns * this.ground.height);
-    const [low, high] = this.source.heights();
+    const [low, high] = (this.heights = this.source.heights());
     cloud.forEach(Math.max(1, Math.ceil(cloud.loaded / kMostPoints)), (x, y, z) => {
       const level = dot([x, y, z], basis[2]);
       if (level < low || level > high) return;
@@ -89,6 +91,7 @@ export class Minimap {
   show(position: Position | null): void {
     this.canvas.hidden = position === null;
     this.shown = position;
+    if (position && this.source.heights().some((x, i) => x !== this.heights[i])) return this.update();
     const context = this.canvas.getContext("2d");
     if (!position || !context) return;
     const { basis } = this.source;

@@ -3,7 +3,7 @@
 import { type PerspectiveCamera, Vector3 } from "three";
 import { type Vec3, add, times } from "./geometry";
 
-export interface Head {
+interface Head {
   /** Whether one stands at a keyframe, so that drags turn the head. */
   isFree: () => boolean;
   /** Angle of a pixel [rad]. */

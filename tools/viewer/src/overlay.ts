@@ -16,7 +16,7 @@ export interface Mark {
   closed: boolean;
   text: string;
 }
-export interface ScaleBar {
+interface ScaleBar {
   pixels: number;
   text: string;
 }
@@ -30,7 +30,7 @@ export function scaleBar(perUnit: number, { unit, factor }: Scale, distance: num
 }
 
 /** The path of the camera. */
-export interface Trail {
+interface Trail {
   line: Vec3[];
   rings: readonly Ring[];
   /** Of a live map, where it is now. */
@@ -45,7 +45,7 @@ const kLine = "#ffd23f";
 const kBack = "rgba(0, 0, 0, 0.75)";
 
 /** An arrow in the upper left corner; `angle`: clockwise from the top [rad]. */
-export function drawNorth(context: CanvasRenderingContext2D, angle: number): void {
+function drawNorth(context: CanvasRenderingContext2D, angle: number): void {
   context.save();
   context.translate(40, 40);
   context.rotate(angle);
@@ -63,7 +63,7 @@ export function drawNorth(context: CanvasRenderingContext2D, angle: number): voi
 }
 
 /** Draws on a canvas that lies over the points, or on the picture that is saved. */
-export function drawOverlay(
+function drawOverlay(
   context: CanvasRenderingContext2D,
   width: number,
   height: number,

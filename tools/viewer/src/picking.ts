@@ -17,7 +17,7 @@ export interface Point {
   snap: SnapKind | null;
 }
 /** Why there is no point, as a sentence. */
-export type Refusal = string;
+type Refusal = string;
 
 export class Picking {
   /** Whether points snap to planes, edges and corners. */

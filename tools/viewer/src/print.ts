@@ -17,9 +17,9 @@ const kPaper = [185, 235] as const; // of A4 within margins, below a title [mm]
 
 /** 1 : 100 for sides in metres, or the largest of the usual smaller scales with which they fit onto a page. */
 export function paperSize(wide: number, deep: number): PaperSize {
-  const kScales = [100, 200, 500, 1000, 2000, 5000];
-  const fits = (scale: number): boolean => (1000 * wide) / scale <= kPaper[0] && (1000 * deep) / scale <= kPaper[1];
-  const scale = kScales.find(fits) ?? 10_000;
+  const least = Math.max((1000 * wide) / kPaper[0], (1000 * deep) / kPaper[1], 100);
+  const power = 10 ** Math.floor(Math.log10(least));
+  const scale = [1, 2, 5].map((it) => it * power).find((it) => it >= least) ?? 10 * power;
   return { scale, width: (1000 * wide) / scale, height: (1000 * deep) / scale };
 }
 

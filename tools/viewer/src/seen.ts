@@ -11,7 +11,7 @@ const kMaxPoints = 150_000; // that are looked at
 const kPause = 1500; // [ms]
 
 /** Cells of the plan, row by row; `low`: coordinates of the first corner along the first two axes of the basis. */
-export interface PlanGrid {
+interface PlanGrid {
   low: readonly [number, number];
   cell: number;
   columns: number;

@@ -4,7 +4,7 @@ import { type Vec3, add, cross, dot, norm, sub, thinnest, times, unit } from "./
 
 export type SnapKind = "plane" | "edge" | "corner";
 
-export interface Snapped {
+interface Snapped {
   kind: SnapKind;
   position: Vec3;
   /** Of the place, by how far the planes' points are from them [unit, 95 %]. */

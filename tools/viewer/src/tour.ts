@@ -4,7 +4,7 @@ import type { Cameras } from "./cameras";
 import { type Vec3, add, sub, times } from "./geometry";
 import { Motion } from "./motion";
 import type { Mode, ViewState } from "./state";
-import { type KeyframePlace, keyframeTowards } from "./trajectory";
+import { type KeyframePlace, keyframeTowards, stepFrom } from "./trajectory";
 
 const kStepTime = 400; // [ms]
 /** Of the extent, or of the distance to the pivot [1/s]. */
@@ -14,7 +14,7 @@ const kMargin = 40;
 
 export const isOutside = (mode: Mode): boolean => mode === "orbit" || mode === "plan";
 
-export interface TourStops {
+interface TourStops {
   /** Existing keyframes, in the order of the trajectory. */
   places: () => KeyframePlace[];
   /** Indices of those that steps go to in a mode. */
@@ -50,9 +50,8 @@ export class Tour {
 
   /** The next or previous keyframe of the trajectory. */
   step(by: number): void {
-    const path = this.stops.path(this.state.mode);
-    const at = path.indexOf(this.state.keyframe);
-    const next = path[(Math.max(at, 0) + by + path.length) % path.length];
+    const { places, path } = this.stops;
+    const next = stepFrom(places().map((it) => it.index), path(this.state.mode), this.state.keyframe, by);
     if (next !== undefined) this.goTo(next);
   }
 

@@ -14,6 +14,13 @@ export function pathOf(keyframes: readonly KeyframeData[], order: readonly numbe
   return used.length > 0 ? used : [...order];
 }
 
+/** Returns the next one of `path` after `which` (`by` < 0: before) along the trajectory, from its other end after the last. */
+export function stepFrom(order: readonly number[], path: readonly number[], which: number, by: number): number | undefined {
+  const way = by > 0 ? order : [...order].reverse();
+  const at = way.indexOf(which) + 1;
+  return [...way.slice(at), ...way.slice(0, at)].find((i) => path.includes(i));
+}
+
 /** Returns the nearest one along the trajectory; with `withPhoto` one with a photo, if there is any. */
 export function nearestKeyframe(
   keyframes: readonly KeyframeData[],

@@ -240,8 +240,8 @@ export class Viewer {
     this.state.keyframe = which;
     this.cameras.standAt(this.trajectory.centerOf(keyframe));
     if (fresh) {
-      const { path } = this.trajectory;
-      const next = this.data.keyframes[path[path.indexOf(which) + 1] ?? which];
+      const { order, path } = this.trajectory;
+      const next = this.data.keyframes[order.slice(order.indexOf(which) + 1).find((i) => path.includes(i)) ?? which];
       const ahead = next ? sub(next.center, keyframe.center) : ([0, 0, 0] as Vec3);
       this.cameras.lookAlong(withPhoto || norm(ahead) === 0 ? fromCamera(keyframe, [0, 0, 1]) : ahead);
     }

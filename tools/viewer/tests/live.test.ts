@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { kNoKeyframe } from "../src/data";
 import { landmarksOf, Live, liveBlock, poseOf } from "../src/live";
 import { durationText } from "../src/live_page";
-import { nearestKeyframe, pathOf } from "../src/trajectory";
+import { nearestKeyframe, pathOf, stepFrom } from "../src/trajectory";
 
 test("a keyframe's block has a cube and points", () => {
   const bytes = new Uint8Array(32 + 13 * 2);
@@ -202,4 +202,11 @@ test("the nearest keyframe is that of the trajectory, not of the indices", () =>
   assert.deepEqual(pathOf(keyframes, [1]), [1]);
   assert.equal(nearestKeyframe(keyframes, [3, 1, 0, 2], 1, true), 3);
   assert.equal(nearestKeyframe(keyframes, [0, 1, 2, 3], 9, false), 3);
+});
+
+test("steps go on from keyframes without a depth map, and from one end to the other", () => {
+  const step = (from: number, by: number): number | undefined => stepFrom([4, 3, 0, 1, 2], [4, 0, 2], from, by);
+  assert.deepEqual([1, 0, 2, 9].map((from) => step(from, 1)), [2, 2, 4, 4]);
+  assert.deepEqual([1, 0, 4, 9].map((from) => step(from, -1)), [0, 4, 2, 2]);
+  assert.equal(stepFrom([0, 1], [], 0, 1), undefined);
 });

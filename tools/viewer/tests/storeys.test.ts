@@ -46,4 +46,5 @@ test("plans print at 1 : 100, or at the next scale with which they fit onto a pa
   assert.deepEqual(paperSize(10, 6), { scale: 100, width: 100, height: 60 });
   assert.equal(paperSize(30, 6).scale, 200);
   assert.equal(paperSize(6, 100).scale, 500);
+  assert.deepEqual([185, 2000, 4000, 12_345].map((wide) => paperSize(wide, 1).scale), [1000, 20_000, 50_000, 100_000]);
 });

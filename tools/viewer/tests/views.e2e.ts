@@ -118,6 +118,15 @@ test("the storeys are found, and one can be shown alone", async () => {
     return viewer.pick(viewer.width / 2 + 40, viewer.height / 2 + 90);
   })) as { position: number[] };
   assert.ok(picked.position[2]! > 2.5, `${picked.position}`);
+  // The small plan follows to another storey.
+  await page.click("text=Flight");
+  for (const which of [3, 12]) {
+    await page.evaluate((which) => (window as any).pmspPage.viewer.tour.goTo(which), which);
+    await idle(page);
+    const [drawn, now] = await page.evaluate(() => [(window as any).pmspPage.minimap.heights, (window as any).pmspPage.viewer.planHeights]);
+    assert.deepEqual(drawn, now);
+    assert.equal(now[0] > 2, which === 12);
+  }
   await page.context().close();
 });
 
@@ -263,6 +272,26 @@ test("a plan prints at 1 : 100", { skip: skipInFirefox }, async () => {
   })) as [number, number];
   console.log(`# floor of ${kSides[0]} x ${kSides[1]} m: ${wide.toFixed(1)} x ${tall.toFixed(1)} mm`);
   assert.ok(Math.abs(wide - 10 * kSides[0]) < 2 && Math.abs(tall - 10 * kSides[1]) < 2, `${wide} ${tall}`);
+  await page.context().close();
+});
+
+test("a page in feet takes known lengths in feet, and shows metres or feet", async () => {
+  const inFeet = join(folder, "feet.html");
+  writeFileSync(inFeet, buildingPage(5_000, (data) => (data.unit = "ft")));
+  const { page } = await openFile(browser, inFeet);
+  page.once("dialog", (dialog) => void dialog.accept("6.6"));
+  const metres = (await page.evaluate(() => {
+    const { measuring, state } = (window as any).pmspPage;
+    measuring.calibrate([0, 1].map((x) => ({ position: [x, 0, 0], confidence: 1, keyframe: -1, spread: 0 })));
+    return state.calibration.metres;
+  })) as number;
+  assert.ok(Math.abs(metres - 6.6 * 0.3048) < 1e-9, `${metres}`);
+  const units: string[] = [];
+  for (const unit of ["ft", "m"]) {
+    await page.selectOption("#results select", unit);
+    units.push(await page.evaluate(() => (window as any).pmspPage.viewer.scale.unit));
+  }
+  assert.deepEqual(units, ["ft", "m"]);
   await page.context().close();
 });
 
