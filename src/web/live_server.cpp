@@ -279,7 +279,6 @@ HttpReply LiveServer::Impl::page() const {
             {"title", page_.title},
             {"generator", "libpmsp " PMSP_VERSION_STRING},
             {"unit", page_.unit.empty() ? "map units" : page_.unit},
-            {"scale_known", !page_.unit.empty()},
             {"up", vector_json(up.norm() > 1e-9 ? Eigen::Vector3d(up.normalized()) : Eigen::Vector3d(0.0, -1.0, 0.0))},
             {"origin", vector_json(page_.file_from_map.translation)},
             {"points_in", 0},
@@ -314,7 +313,8 @@ std::optional<HttpReply> LiveServer::Impl::changes(const HttpRequest& request) {
   const std::int64_t total_points = source_.total_points ? source_.total_points() : points_of(*source_.snapshot());
   const std::lock_guard<std::mutex> lock(mutex_);
   clients_[client].received_end = state.is_done;
-  return reply_of(changes_json(changes, state, state_version, total_points).dump(), "application/json");
+  const Json json = changes_json(changes, state, state_version, total_points);
+  return reply_of(json.dump(-1, ' ', false, Json::error_handler_t::replace), "application/json");
 }
 
 /// Records a request of a page.

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <iterator>
 #include <string>
 #include <vector>
@@ -57,9 +58,11 @@ Depths depths_from(const std::string& bytes) {
 TEST_CASE("a report contains the command and the points") {
   if (!pmsp::web::has_report_page()) return;
   const TempDir dir;
+  const std::string las = (dir / "c, d.las").string();
   const Result result =
-      densify(quick_run(dir / "c.ply", {"--report", (dir / "r.html").string(), "--stats", (dir / "s.json").string(),
-                                        "--report-points", "5000", "--report-panoramas", "2", "--scale", "2"}));
+      densify(quick_run(dir / "c.splat.ply", {"-o", las, "--report", (dir / "r.html").string(), "--stats",
+                                              (dir / "s.json").string(), "--report-points", "5000",
+                                              "--report-panoramas", "2", "--scale", "2", "--report-unit", "metres"}));
   INFO(result.err);
   REQUIRE(result.code == 0);
   const std::string page = read_text(dir / "r.html");
@@ -70,6 +73,8 @@ TEST_CASE("a report contains the command and the points") {
   CHECK(data["points"].get<int>() <= 5000);
   CHECK(data["points"].get<int>() > 4000);
   CHECK(data["unit"] == "m");
+  CHECK(data["convert"] == las);
+  CHECK(data["notes"].dump().find("no network") != std::string::npos);
   CHECK(data["keyframes"].size() == stats["keyframes"]["in_map"]);
   std::size_t panoramas = 0, strips = 0, depth_maps = 0;
   for (const ordered_json& keyframe : data["keyframes"]) {
@@ -164,6 +169,7 @@ TEST_CASE("photos and depth maps of all keyframes are beside a report, photos ke
   const auto check = [&](const std::string& page, bool all) {
     CHECK_THAT(page, Contains("img-src 'self' data:") && Contains("connect-src 'self'"));
     const ordered_json data = data_of(page);
+    CHECK_THAT(data["notes"].dump(), !Contains("no network"));
     CHECK(data["keyframes"].size() > 3);
     std::ptrdiff_t files = 0;
     for (const ordered_json& keyframe : data["keyframes"]) {
@@ -248,7 +254,9 @@ TEST_CASE("a report from a cloud or a workspace alone lists missing parts") {
   CHECK(cloud["unit"] == "map units");
   CHECK(cloud["keyframes"].empty());
   CHECK(cloud["normals"] == true);
-  CHECK_THAT(cloud["notes"].dump(), Contains("without keyframes, pictures"));
+  CHECK_THAT(cloud["notes"].dump(), Contains("without keyframes, pictures") && Contains("follow its -y axis"));
+  CHECK(cloud["up"] == ordered_json({0.0, -1.0, 0.0}));
+  CHECK(cloud["convert"] == (dir / "c.ply").string());
   REQUIRE(report("work", "work.html").code == 0);
   const ordered_json work = data_of(read_text(dir / "work.html"));
   CHECK(work["points_in"] == stats["points_written"]);
@@ -257,12 +265,34 @@ TEST_CASE("a report from a cloud or a workspace alone lists missing parts") {
   for (const ordered_json& keyframe : work["keyframes"]) used += keyframe["use"] == "depth map" ? 1 : 0;
   CHECK(used == stats["keyframes"]["depth_maps"]);
   CHECK_THAT(work["notes"].dump(), Contains("without pictures"));
+  CHECK(work["convert"] == (dir / "work").string());
   CHECK(report("work", "work.html").code == 6);
   CHECK(report("work", "work.html", {"--force"}).code == 0);
   CHECK(report("c.ply", "c.ply", {"--force"}).code == 2);
   CHECK(report("none.ply", "n.html").code == 3);
   CHECK(densify({"report", dir.path().string(), "-o", (dir / "n.html").string()}).code == 3);
   CHECK(densify({"report", (dir / "c.ply").string()}).code == 2);
+}
+
+TEST_CASE("a report from a cloud that is not in the frame of a map has z up and says so") {
+  if (!pmsp::web::has_report_page()) return;
+  const TempDir dir;
+  const std::string header = "ply\nformat ascii 1.0\n", vertices =
+                                                            "element vertex 2\nproperty float x\nproperty float y\n"
+                                                            "property float z\nend_header\n0 0 0\n1 2 3\n";
+  const std::string turned =
+      "comment cloud {\"file_from_map\":[[1,0,0,0],[0,0,1,0],[0,-1,0,0],[0,0,0,1]],\"scale\":1}\n";
+  for (const std::string& comment : {std::string(), turned}) {
+    std::ofstream(dir / "c.ply") << header << comment << vertices;
+    const Result result = densify({"report", (dir / "c.ply").string(), "-o", (dir / "r.html").string(), "--force",
+                                   "--unit", comment.empty() ? "feet" : "steps"});
+    INFO(result.err);
+    REQUIRE(result.code == 0);
+    const ordered_json data = data_of(read_text(dir / "r.html"));
+    CHECK(data["up"] == ordered_json({0.0, 0.0, 1.0}));
+    CHECK_THAT(data["notes"].dump(), Contains("follow its z axis"));
+    CHECK(data["unit"] == (comment.empty() ? "ft" : "steps"));
+  }
 }
 
 TEST_CASE("merged shards give a report") {

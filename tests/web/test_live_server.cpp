@@ -315,9 +315,9 @@ TEST_CASE("a page receives progress and the number of all points") {
   CHECK(changes["share"] == 0.25);
   CHECK(changes["seconds_left"] == 90.0);
   CHECK(changes["total_points"] == 3);
-  it.server.set_progress({"writing"});
+  it.server.set_progress({"writing \xff.ply"});  // paths need not be UTF-8
   changes = it.page.ask();
-  CHECK(changes["stage"] == "writing");
+  CHECK(changes["stage"] == "writing \xef\xbf\xbd.ply");
   CHECK(changes.count("share") + changes.count("seconds_left") == 0);
 }
 

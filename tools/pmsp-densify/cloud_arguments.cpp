@@ -217,6 +217,12 @@ void check_map_options(const CloudArguments& a) {
   }
 }
 
+bool is_metre(const std::string& name) {
+  return name == "m" || name == "metre" || name == "metres" || name == "meter" || name == "meters";
+}
+
+bool is_foot(const std::string& name) { return name == "ft" || name == "foot" || name == "feet"; }
+
 }  // namespace
 
 const std::filesystem::path* CloudArguments::first_cloud() const {
@@ -327,7 +333,8 @@ void set_map_options(CloudHeader& header, const CloudArguments& cloud, const std
 }
 
 std::string unit_of_lengths(const std::string& given, const CloudUnit& unit) {
-  return given.empty() && unit.kind == CloudUnit::Kind::kMetres ? "m" : given;
+  if (is_metre(given) || (given.empty() && unit.kind == CloudUnit::Kind::kMetres)) return "m";
+  return is_foot(given) ? "ft" : given;
 }
 
 std::string unit_text(const CloudUnit& unit) {
@@ -337,11 +344,9 @@ std::string unit_text(const CloudUnit& unit) {
 }
 
 void check_unit(const char* option, const std::string& given, const CloudUnit& unit) {
-  constexpr std::array kMetre{"m", "metre", "metres", "meter", "meters"};
-  constexpr std::array kOthers{"km", "dm",   "cm",     "mm", "ft",   "foot", "feet",
-                               "in", "inch", "inches", "yd", "yard", "yards"};
-  const auto names = [&](const auto& known) { return std::find(known.begin(), known.end(), given) != known.end(); };
-  const bool is_length = names(kMetre) || names(kOthers);
+  constexpr std::array kOthers{"km", "dm", "cm", "mm", "in", "inch", "inches", "yd", "yard", "yards"};
+  const bool is_length =
+      is_metre(given) || is_foot(given) || std::find(kOthers.begin(), kOthers.end(), given) != kOthers.end();
   if (!is_length || unit.kind == CloudUnit::Kind::kUnknown) return;
   if (unit.kind == CloudUnit::Kind::kMap) {
     throw UsageError(
@@ -349,7 +354,7 @@ void check_unit(const char* option, const std::string& given, const CloudUnit& u
         "\", but the cloud has no scale: its lengths are in map units; scale it in `run` with --scale (1 if the "
         "map is in metres) or --align, or in `convert` with these or --length A B METRES");
   }
-  if (names(kMetre)) return;
+  if (is_metre(given)) return;
   throw UsageError(std::string(option) + " is \"" + given + "\", but the cloud is in " + unit_text(unit) +
                    "; omit the option");
 }

@@ -74,7 +74,8 @@ void set_map_options(CloudHeader& header, const CloudArguments& arguments, const
 /// Returns "ply, las, ...".
 std::string names_of_formats();
 
-/// Returns the name of a cloud's unit: the given one, else "m" for clouds in metres; "" = map units.
+/// Returns the name of a cloud's unit: the given one, "m" and "ft" for their synonyms, else "m" for clouds in metres;
+/// "" = map units.
 std::string unit_of_lengths(const std::string& given, const CloudUnit& unit);
 
 /// Throws UsageError if `given`, the value of `option`, is a unit of length other than the cloud's. If that is unknown,

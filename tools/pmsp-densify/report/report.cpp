@@ -125,6 +125,11 @@ std::int64_t report_cloud(const ReportVerbArguments& arguments, CloudReader& clo
   ReportPage page(arguments.report, header, map, 0);
   const std::int64_t points = add_points(cloud, page);
   page.say("The page was made from a cloud alone: without keyframes, pictures, times and depth maps.");
+  // Frames other than that of the map come from --up, --align or other programs.
+  const bool is_of_map = info.file_from_map && info.file_from_map->rotation.isIdentity(1e-9);
+  if (!is_of_map) page.set_up(Eigen::Vector3d::UnitZ());
+  page.say(std::string("The cloud does not contain which way is up: heights follow its ") + (is_of_map ? "-y" : "z") +
+           " axis.");
   if (!info.has_confidence) {
     page.say("The cloud contains no confidence: errors of measurements are unknown, and those shown are too large.");
   }
@@ -170,6 +175,7 @@ std::int64_t report_workspace(const ReportVerbArguments& arguments, workspace::W
   ReportPage page(arguments.report, header, map, map.keyframes.size());
   const std::int64_t points = add_points(cloud, page);
   for (const PlanEntry& entry : record.plan.entries) page.set_use(entry);
+  page.set_source(arguments.from);
   page.say("The page was made from a workspace: without pictures, coverage and times.");
   page.say(
       "It contains all points, in the frame of the map and in map units, regardless of the options of clouds from the "

@@ -196,6 +196,15 @@ std::vector<std::int64_t> ids_in_order(const SlamMap& map) {
 
 Json vector_json(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
+/// Returns the first output that `convert` reads, with colours; "" = none.
+std::string readable_output(const Json& stats) {
+  for (const Json& it : stats.value("outputs", Json::array())) {
+    const CloudFormat* format = it.is_string() ? cloud_format_of(it.get<std::string>()) : nullptr;
+    if (it.is_string() && (format == nullptr || (!format->is_map && format->name != std::string("splat")))) return it;
+  }
+  return "";
+}
+
 /// Reason for an unused keyframe, for messages.
 const char* words_for(const std::string& use) {
   if (use == "no neighbour") return "no other used keyframe nearby sees the same surfaces with enough parallax";
@@ -396,8 +405,7 @@ Json ReportPage::page_json(const Json& stats) const {
             {"title", map_name + ": report"},
             {"generator", stats.value("generator", "pmsp-densify")},
             {"unit", unit.empty() ? "map units" : unit},
-            {"scale_known", !unit.empty()},
-            {"up", vector_json(up.norm() > 1e-9 ? Eigen::Vector3d(up.normalized()) : Eigen::Vector3d(0.0, -1.0, 0.0))},
+            {"up", vector_json(up.norm() > 1e-9 ? Eigen::Vector3d(up.normalized()) : up_)},
             {"origin", vector_json(cloud_.origin())},
             {"points_in", cloud_.points_in()},
             {"points", cloud_.points()},
@@ -412,6 +420,8 @@ Json ReportPage::page_json(const Json& stats) const {
   json["pixel"] = depth_width_ > 0 ? 2.0 * kernels::kPi / depth_width_ : 0.01;
   json["lens_distance"] = number_at(stats, {"options", "lens_distance"}) * file_from_map_.scale;
   if (depth_maps_ > 0) json["coverage_map"] = coverage_json();
+  const std::string source = source_.empty() ? readable_output(stats) : source_;
+  if (!source.empty()) json["convert"] = source;
   json["facts"] = report_facts(stats);
   json["times"] = report_times(stats);
   json["problems"] = problems(stats, json["keyframes"]);
@@ -426,7 +436,9 @@ Json ReportPage::page_json(const Json& stats) const {
     json["notes"].push_back("Over HTTP (pmsp-densify serve), it loads the others on demand from the Potree directory " +
                             potree_.generic_string() + ".");
   }
-  json["notes"].push_back("The page contains all of its data and uses no network.");
+  if (!json.contains("potree") && !photos_) {
+    json["notes"].push_back("The page contains all of its data and uses no network.");
+  }
   return json;
 }
 

@@ -64,6 +64,11 @@ class ReportPage {
   /// Keyframes whose images this run does not read keep the photos of a previous run.
   void keep_photos() { keeps_photos_ = true; }
 
+  /// Input of `convert` that gives this cloud. Default: the first output of the run that `convert` reads.
+  void set_source(const std::filesystem::path& source) { source_ = source.string(); }
+  /// Direction in the frame of the cloud, of a page without keyframes. Default: the -y axis.
+  void set_up(const Eigen::Vector3d& up) { up_ = up; }
+
   /// Adds a sentence about the page.
   void say(const std::string& note) { notes_.push_back(note); }
   /// Points have no normals: disables back-face culling.
@@ -102,6 +107,8 @@ class ReportPage {
   std::optional<ReportPhotos> photos_;
   bool keeps_photos_ = false;
   std::filesystem::path potree_;  ///< relative to the page's directory; empty = none
+  std::string source_;
+  Eigen::Vector3d up_ = -Eigen::Vector3d::UnitY();
   bool has_normals_ = true;
   bool has_north_ = false;
   int panoramas_ = 0;
