@@ -90,15 +90,7 @@ Image<Eigen::Vector3f> DepthFolder::read_normals(std::int64_t keyframe_id) const
   const std::string extension = files->normal.extension().string();
   if (extension == ".pfm") return read_pfm3(files->normal);
   if (extension != ".exr") return read_png16_normals(files->normal);
-  const std::vector<std::string> names{"N.X", "N.Y", "N.Z"};
-  const std::vector<ImageChannel> channels = read_exr(files->normal, names);
-  if (channels.size() != names.size()) return {};
-  Image<Eigen::Vector3f> normals(channels[0].values.width(), channels[0].values.height(), Eigen::Vector3f::Zero());
-  for (const ImageChannel& channel : channels) {
-    const auto axis = std::find(names.begin(), names.end(), channel.name) - names.begin();
-    for (std::size_t i = 0; i < normals.size(); ++i) normals.pixels()[i][axis] = channel.values.pixels()[i];
-  }
-  return normals;
+  return read_exr_vectors(files->normal, {"N.X", "N.Y", "N.Z"});
 }
 
 Image<float> DepthFolder::read_confidence(std::int64_t keyframe_id) const {

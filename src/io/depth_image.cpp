@@ -96,16 +96,20 @@ ExrHeader exr_header(BinaryInput& file) {
   return header;
 }
 
-/// The channels that hold depth: the only one, one of these names, or the three of a gray image.
+/// The channels that hold depth: the only one, the first of these names, or the three of a gray image.
 std::vector<std::size_t> exr_depth_channels(const BinaryInput& file, const ExrHeader& header) {
   std::vector<std::size_t> found, colors;
   std::string names;
   for (std::size_t i = 0; i < header.channels.size(); ++i) {
     const std::string& name = header.channels[i].name;
     names += (names.empty() ? "" : ", ") + name;
-    const bool is_depth = name == "Z" || name == "depth" || name == "Y" || name == "V";
-    if (found.empty() && (is_depth || header.channels.size() == 1)) found = {i};
     if (name == "R" || name == "G" || name == "B") colors.push_back(i);
+  }
+  if (header.channels.size() == 1) found = {0};
+  for (const char* const wanted : {"Z", "depth", "Y", "V"}) {
+    for (std::size_t i = 0; i < header.channels.size() && found.empty(); ++i) {
+      if (header.channels[i].name == wanted) found = {i};
+    }
   }
   if (found.empty() && colors.size() == 3) found = colors;
   if (found.empty()) {
@@ -290,6 +294,17 @@ std::vector<ImageChannel> read_exr(const std::filesystem::path& path, const std:
     }
     return wanted;
   });
+}
+
+Image<Eigen::Vector3f> read_exr_vectors(const std::filesystem::path& path, const std::array<std::string, 3>& names) {
+  const std::vector<ImageChannel> channels = read_exr(path, {names.begin(), names.end()});
+  if (channels.size() != names.size()) return {};
+  Image<Eigen::Vector3f> vectors(channels[0].values.width(), channels[0].values.height(), Eigen::Vector3f::Zero());
+  for (const ImageChannel& channel : channels) {
+    const auto axis = std::find(names.begin(), names.end(), channel.name) - names.begin();
+    for (std::size_t i = 0; i < vectors.size(); ++i) vectors.pixels()[i][axis] = channel.values.pixels()[i];
+  }
+  return vectors;
 }
 
 Image<float> read_exr_depth(const std::filesystem::path& path) {

@@ -72,6 +72,22 @@ TEST_CASE("ranges may also come as PFM in metres") {
   CHECK(GroundTruth::load(truth.range_maps()[0])(7, 5) == flight.range(1, 16)(7, 5));
 }
 
+TEST_CASE("saturated pixels of PNGs are no surface") {
+  const TempDir folder;
+  const Flight flight(pmsp_test::sphere(4.0), 1, 1.0);
+  write_tum(folder / "traj_tum.txt", flight.truth());
+  for (const auto& [name, scale] : {std::pair("range_mm", 0.001), {"range", 0.125}}) {
+    std::filesystem::create_directory(folder / name);
+    pmsp::Image<float> gray(32, 16, 65534.0F);
+    gray(3, 5) = 65535.0F;
+    pmsp::write_png16(folder / name / "0.png", gray, 1.0);
+    const auto range = GroundTruth::load(GroundTruth(folder.path(), {10.0, 0.125}).range_maps().at(0));
+    CHECK(range(2, 5) == Approx(65534.0 * scale));
+    CHECK(range(3, 5) == 0.0F);
+    std::filesystem::remove_all(folder / name);
+  }
+}
+
 TEST_CASE("broken ground truth is refused") {
   const TempDir folder;
   const Flight flight(pmsp_test::sphere(4.0), 5, 1.0);

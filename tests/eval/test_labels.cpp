@@ -165,13 +165,13 @@ TEST_CASE("label images are found beside the range maps and reach the measures o
   const pmsp_test::TempDir folder;
   const pmsp_test::Flight flight(pmsp_test::sphere(4.0), 3, 0.3);
   flight.write_truth(folder.path(), 60);
-  const GroundTruth truth(folder.path(), {});
-  CHECK(GroundTruth::load_labels(truth.range_maps()[0]).empty());
+  CHECK(GroundTruth::load_labels(GroundTruth(folder.path(), {}).range_maps()[0]).empty());
 
   std::filesystem::create_directory(folder / "label");
   Image<float> label(120, 60, 7.0F);
   label(3, 2) = 1.0F;
-  for (const char* name : {"000000.png", "000001.png"}) pmsp::write_png16(folder.path() / "label" / name, label, 1.0);
+  for (const char* name : {"000000.png", "1_label.png"}) pmsp::write_png16(folder / "label" / name, label, 1.0);
+  const GroundTruth truth(folder.path(), {});
   CHECK(GroundTruth::load_labels(truth.range_maps()[0])(3, 2) == kThin);
   CHECK(GroundTruth::load_labels(truth.range_maps()[0])(4, 2) == 7);
   CHECK(GroundTruth::load_labels(truth.range_maps()[2]).empty());
@@ -193,7 +193,8 @@ TEST_CASE("label images are found beside the range maps and reach the measures o
   CHECK(count_behind(cloud.points, views, 0.1, 0).at(kAllLabels) == cloud.points.size());
 
   pmsp::write_png16(folder.path() / "label" / "000002.png", Image<float>(5, 4), 1.0);
-  CHECK_THROWS_AS(GroundTruth::load_labels(truth.range_maps()[2]), pmsp::InvalidInput);
+  const GroundTruth broken(folder.path(), {});
+  CHECK_THROWS_AS(GroundTruth::load_labels(broken.range_maps()[2]), pmsp::InvalidInput);
 }
 
 TEST_CASE("estimates of sky and riders are wrong and do not count as pixels with truth") {

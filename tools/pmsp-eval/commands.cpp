@@ -11,6 +11,7 @@
 #include "pmsp-eval/depth_files.h"
 #include "pmsp-eval/error_images.h"
 #include "pmsp-eval/ground_truth.h"
+#include "pmsp-eval/image_compare.h"
 #include "pmsp-eval/parallel.h"
 #include "pmsp-eval/report.h"
 #include "pmsp-eval/statistics.h"
@@ -238,11 +239,17 @@ void run_depth(const CommonArguments& common, DepthArguments arguments) {
     }
     DepthMeasureOptions measures = arguments.measures;
     LabelOptions labels = arguments.labels;
-    if (arguments.own_scales) measures.scale = labels.scale = own_scale(depth, range);
+    if (arguments.own_scales) measures.scale = labels.scale = own_scale(depth, range).value_or(measures.scale);
     maps[i] = {id, depth.width(), depth.height(), measure_depth(depth, range, measures, &error), {}};
     maps[i].labels = measure_labels(depth, error, range, GroundTruth::load_labels(*pairs[i].truth), labels);
-    const Image<Eigen::Vector3f> true_normals = truth.load_normals(*pairs[i].truth);
-    if (!true_normals.empty()) measure_normals(load_normals(pairs[i].file.path), true_normals, maps[i].measures);
+    Image<Eigen::Vector3f> true_normals = truth.load_normals(*pairs[i].truth);
+    if (!true_normals.empty()) {
+      const Image<float> there = resampled(range, true_normals.width(), true_normals.height());
+      for (std::size_t k = 0; k < there.size(); ++k) {
+        if (!is_range(there.pixels()[k])) true_normals.pixels()[k].setZero();
+      }
+      measure_normals(load_normals(pairs[i].file.path), true_normals, maps[i].measures);
+    }
     samples[i] = samples_of(pairs[i], error, pairs.size());
     if (wanted.count(id) > 0) {
       write_depth_error_image(arguments.render.folder / numbered_name("depth_error_", id, ".png"), error, 720);

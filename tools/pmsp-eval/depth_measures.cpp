@@ -11,7 +11,6 @@
 #include "pmsp-eval/ground_truth.h"
 #include "pmsp-eval/image_compare.h"
 #include "pmsp-eval/statistics.h"
-#include "pmsp/error.h"
 
 namespace pmsp::eval {
 namespace {
@@ -22,20 +21,6 @@ Image<float> in_metres(const Image<float>& depth, double scale) {
     value = std::isfinite(value) && value > 0.0F ? static_cast<float>(value * scale) : 0.0F;
   }
   return metres;
-}
-
-/// `value(map)`: NaN = undefined.
-template <class Value>
-double mean_without_nan(const std::vector<DepthMeasures>& maps, const Value& value) {
-  double sum = 0.0;
-  int count = 0;
-  for (const DepthMeasures& map : maps) {
-    const double v = value(map);
-    if (std::isnan(v)) continue;
-    sum += v;
-    ++count;
-  }
-  return count > 0 ? sum / count : std::numeric_limits<double>::quiet_NaN();
 }
 
 double mean_without_nan(const std::vector<DepthMeasures>& maps, double DepthMeasures::*field) {
@@ -122,7 +107,7 @@ void measure_normals(const Image<Eigen::Vector3f>& normals, const Image<Eigen::V
   }
 }
 
-double own_scale(const Image<float>& depth, const Image<float>& truth) {
+std::optional<double> own_scale(const Image<float>& depth, const Image<float>& truth) {
   const Image<float> there = resampled(truth, depth.width(), depth.height());
   std::vector<float> ratios;
   for (std::size_t i = 0; i < depth.size(); ++i) {
@@ -130,7 +115,7 @@ double own_scale(const Image<float>& depth, const Image<float>& truth) {
     const float range = there.pixels()[i];
     if (std::isfinite(estimate) && estimate > 0.0F && is_range(range)) ratios.push_back(range / estimate);
   }
-  if (ratios.empty()) throw InvalidInput("no pixel has an estimate and a true range, which a scale could be fitted to");
+  if (ratios.empty()) return std::nullopt;
   return percentile(ratios, 50.0);
 }
 
@@ -144,13 +129,10 @@ DepthMeasures mean_of(const std::vector<DepthMeasures>& maps) {
   mean.solid_angle = mean_figures(maps, &DepthMeasures::solid_angle);
   mean.within = maps.front().within;
   for (std::size_t t = 0; t < mean.within.size(); ++t) {
-    DepthMeasures::Within sum{mean.within[t].threshold, 0.0, 0.0, 0.0};
-    for (const DepthMeasures& map : maps) {
-      sum.share += map.within[t].share / static_cast<double>(maps.size());
-      sum.share_solid_angle += map.within[t].share_solid_angle / static_cast<double>(maps.size());
-      sum.of_valid += map.within[t].of_valid / static_cast<double>(maps.size());
+    using Within = DepthMeasures::Within;
+    for (double Within::*const field : {&Within::share, &Within::share_solid_angle, &Within::of_valid}) {
+      mean.within[t].*field = mean_without_nan(maps, [&](const DepthMeasures& map) { return map.within[t].*field; });
     }
-    mean.within[t] = sum;
   }
   return mean;
 }

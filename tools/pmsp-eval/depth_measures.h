@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -16,13 +17,13 @@ struct DepthMeasureOptions {
   int slack_px = 0;                                   ///< see true_ranges
 };
 
-/// Shares, 0 to 1, of all pixels with a true range, unless stated otherwise.
+/// Shares, 0 to 1, of all pixels with a true range, unless stated otherwise; NaN without any.
 struct DepthMeasures {
   struct Within {
     double threshold = 0.0;
     double share = 0.0;  ///< with a relative error below the threshold
     double share_solid_angle = 0.0;
-    double of_valid = 0.0;  ///< as `share`, of pixels with an estimate
+    double of_valid = 0.0;  ///< as `share`, of pixels with an estimate; NaN without any
   };
   double valid = 0.0;  ///< with an estimate
   double valid_solid_angle = 0.0;
@@ -41,9 +42,9 @@ DepthMeasures measure_depth(const Image<float>& depth, const Image<float>& truth
 void measure_normals(const Image<Eigen::Vector3f>& normals, const Image<Eigen::Vector3f>& truth,
                      DepthMeasures& measures);
 
-/// Returns the scale of a depth map by itself [m per unit]: median ratio of true range and depth. Throws InvalidInput
-/// without a pixel with both.
-double own_scale(const Image<float>& depth, const Image<float>& truth);
+/// Returns the scale of a depth map by itself [m per unit]: median ratio of true range and depth; nullopt without a
+/// pixel with both.
+std::optional<double> own_scale(const Image<float>& depth, const Image<float>& truth);
 
 /// Returns the mean of each measure over all depth maps; undefined values are skipped. `maps` must not be empty.
 DepthMeasures mean_of(const std::vector<DepthMeasures>& maps);

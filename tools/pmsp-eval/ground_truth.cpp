@@ -51,10 +51,14 @@ std::vector<GroundTruth::RangeMap> list_range_maps(const fs::path& folder, doubl
     gray_m = png_scale;
   }
   const auto normals = list_frames(folder / "normal", {".exr", ".pfm", ".png"});
+  const auto labels = list_frames(folder / "label", {".png"});
+  const auto path_of = [](const std::map<std::int64_t, fs::path>& listed, std::int64_t frame) {
+    const auto found = listed.find(frame);
+    return found == listed.end() ? fs::path() : found->second;
+  };
   std::vector<GroundTruth::RangeMap> maps;
   for (const auto& [frame, path] : files) {
-    const auto normal = normals.find(frame);
-    maps.push_back({frame, -1, path, gray_m, normal == normals.end() ? fs::path() : normal->second});
+    maps.push_back({frame, -1, path, gray_m, path_of(normals, frame), path_of(labels, frame)});
   }
   return maps;
 }
@@ -74,20 +78,20 @@ void check_panorama(const Image<T>& image, const fs::path& path, const char* wha
                      std::to_string(image.height()) + " pixels, expected twice as wide as high");
 }
 
-/// Channels X, Y, Z of an EXR.
 Image<Eigen::Vector3f> read_exr_normals(const fs::path& path) {
-  const std::vector<std::string> names{"X", "Y", "Z"};
-  const std::vector<ImageChannel> channels = read_exr(path, names);
-  if (channels.size() != names.size()) {
-    throw InvalidInput(path.string() + ": has " + std::to_string(channels.size()) +
-                       " of the channels X, Y, Z, expected all, half or float: normals in the world of the poses");
-  }
-  Image<Eigen::Vector3f> normals(channels[0].values.width(), channels[0].values.height(), Eigen::Vector3f::Zero());
-  for (const ImageChannel& channel : channels) {
-    const auto axis = std::find(names.begin(), names.end(), channel.name) - names.begin();
-    for (std::size_t i = 0; i < normals.size(); ++i) normals.pixels()[i][axis] = channel.values.pixels()[i];
-  }
-  return normals;
+  Image<Eigen::Vector3f> normals = read_exr_vectors(path, {"X", "Y", "Z"});
+  if (!normals.empty()) return normals;
+  throw InvalidInput(path.string() +
+                     ": lacks one of the channels X, Y, Z, expected all, half or float: normals in the world of the "
+                     "poses; write it again with these");
+}
+
+/// Gray levels of 16 bits times `gray_m`, 0 for saturated ones.
+Image<float> read_png_range(const fs::path& path, double gray_m) {
+  Image<float> range = read_png16(path, gray_m);
+  const auto saturated = static_cast<float>(65534.5 * gray_m);
+  for (float& value : range.pixels()) value = value < saturated ? value : 0.0F;
+  return range;
 }
 
 int row_at(const std::vector<TimedPose>& trajectory, double time) {
@@ -167,7 +171,7 @@ Image<float> GroundTruth::load(const RangeMap& map) {
   Image<float> range = extension == ".pfm"   ? read_pfm(map.path)
                        : extension == ".exr" ? read_exr_depth(map.path)
                        : extension == ".npy" ? read_npy(map.path)
-                                             : read_png16(map.path, map.gray_m);
+                                             : read_png_range(map.path, map.gray_m);
   check_panorama(range, map.path, "range map");
   return range;
 }
@@ -186,10 +190,9 @@ Image<Eigen::Vector3f> GroundTruth::load_normals(const RangeMap& map) const {
 }
 
 Image<std::uint8_t> GroundTruth::load_labels(const RangeMap& map) {
-  const fs::path path = map.path.parent_path().parent_path() / "label" / (map.path.stem().string() + ".png");
-  if (!fs::exists(path)) return {};
-  const Image<float> values = read_png16(path, 1.0);
-  check_panorama(values, path, "label image");
+  if (map.label.empty()) return {};
+  const Image<float> values = read_png16(map.label, 1.0);
+  check_panorama(values, map.label, "label image");
   Image<std::uint8_t> labels(values.width(), values.height());
   std::transform(values.pixels().begin(), values.pixels().end(), labels.pixels().begin(),
                  [](float value) { return static_cast<std::uint8_t>(std::min(value, 255.0F)); });

@@ -24,7 +24,9 @@ struct TruthOptions {
 
 /// Folder of ground truth:
 ///   traj_tum.txt          true poses, camera to world [m]
-///   range_mm/<frame>.png  16-bit gray, distance along the ray through the pixel centre [mm], 0 = no surface; or
+///   range_mm/<frame>.png  16-bit gray, distance along the ray through the pixel centre [mm], 0 or 65535 (saturated) =
+///   no
+///                         surface; or
 ///   range/<frame>.*       the same in metres: .pfm, .exr, .npy, or .png of another scale
 ///   cloud.ply, cloud.las  scanned points [m], beside or instead of range maps
 ///   normal/<frame>.*      optional: unit normals in the world of the poses: .exr with channels X, Y, Z, .pfm, .png
@@ -39,6 +41,7 @@ class GroundTruth {
     std::filesystem::path path;
     double gray_m = 0.0;           ///< length of a gray level [m]; 0 = unknown
     std::filesystem::path normal;  ///< normals of the same frame; "" = none
+    std::filesystem::path label;   ///< likewise
   };
 
   /// Lists the folder; images are read by `load`. Throws IoError; InvalidInput without range maps and cloud, for a

@@ -46,7 +46,7 @@ int columns_within(int reach, int y, int width, int height);
 /// Pixel (column, row) of a point in camera frame.
 Eigen::Vector2i pixel_of(const Eigen::Vector3d& in_cam, int width, int height);
 
-/// Accumulates shares of pixels, plain and weighted by solid angle.
+/// Accumulates shares of pixels, plain and weighted by solid angle; NaN without pixels.
 class Share {
  public:
   void add(bool counted, bool of, double weight) {
@@ -57,8 +57,8 @@ class Share {
     counted_ += 1.0;
     counted_weight_ += weight;
   }
-  double plain() const { return total_ > 0.0 ? counted_ / total_ : 0.0; }
-  double weighted() const { return total_weight_ > 0.0 ? counted_weight_ / total_weight_ : 0.0; }
+  double plain() const { return counted_ / total_; }
+  double weighted() const { return counted_weight_ / total_weight_; }
   double total() const { return total_; }
 
  private:

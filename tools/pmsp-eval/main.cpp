@@ -30,12 +30,12 @@ struct Arguments {
 };
 
 void add_common(CLI::App& app, Arguments& a, bool truth_required) {
-  CLI::Option* truth =
-      app.add_option("--gt", a.common.truth,
-                     "Directory of ground truth: traj_tum.txt, and range_mm/<frame>.png (16-bit, mm) or "
-                     "range/<frame>.pfm, .exr, .npy (m) or .png; optional normal/<frame>.exr (channels X, Y, Z, in "
-                     "the world of the poses), .pfm or .png; optional label/<frame>.png (16-bit: 1 thin object, "
-                     "2 mirroring surface, 3 behind glass, 0 other) for figures by label; names may go on after _");
+  CLI::Option* truth = app.add_option(
+      "--gt", a.common.truth,
+      "Directory of ground truth: traj_tum.txt, and range_mm/<frame>.png (16-bit, mm; 65535: no surface) or "
+      "range/<frame>.pfm, .exr, .npy (m) or .png; optional normal/<frame>.exr (channels X, Y, Z, in "
+      "the world of the poses), .pfm or .png; optional label/<frame>.png (16-bit: 1 thin object, "
+      "2 mirroring surface, 3 behind glass, 0 other) for figures by label; names may go on after _");
   truth->required(truth_required)->type_name("DIR");
   CLI::Option_group* poses = app.add_option_group("keyframes", "Poses of the keyframes, one of:");
   poses->add_option("--map", a.common.map, "Map of the keyframes, in any format of pmsp-densify")->type_name("FILE");

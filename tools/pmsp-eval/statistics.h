@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <vector>
@@ -20,6 +21,20 @@ double percentile(std::vector<T>& values, double percent) {
   if (below + 1 >= values.size()) return low;
   const double high = static_cast<double>(*std::min_element(nth + 1, values.end()));
   return low + (rank - static_cast<double>(below)) * (high - low);
+}
+
+/// Mean of `value(item)`, without undefined ones (NaN); NaN if none is left.
+template <class Item, class Value>
+double mean_without_nan(const std::vector<Item>& items, const Value& value) {
+  double sum = 0.0;
+  int count = 0;
+  for (const Item& item : items) {
+    const double v = value(item);
+    if (std::isnan(v)) continue;
+    sum += v;
+    ++count;
+  }
+  return count > 0 ? sum / count : std::numeric_limits<double>::quiet_NaN();
 }
 
 /// Returns `count` indices, ascending and evenly spread over [0, size), including both ends; all for count 0 or >=

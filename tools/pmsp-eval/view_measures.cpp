@@ -43,24 +43,22 @@ View::Correct measure_correct(const Image<float>& range, const Image<float>& err
   return {correct.plain(), correct.weighted(), of_hit.plain(), percentile(errors, 50.0)};
 }
 
-View mean_view(const std::vector<View>& views, int with_truth) {
+View mean_view(const std::vector<View>& views) {
   View mean;
-  View::Correct correct;
-  double medians = 0.0;
+  std::vector<View::Correct> correct;
   for (const View& view : views) {
     mean.hit += view.hit / static_cast<double>(views.size());
     mean.hit_solid_angle += view.hit_solid_angle / static_cast<double>(views.size());
     mean.labels += view.labels;
-    if (!view.correct) continue;
-    correct.share += view.correct->share / with_truth;
-    correct.share_solid_angle += view.correct->share_solid_angle / with_truth;
-    correct.of_hit += view.correct->of_hit / with_truth;
-    if (std::isnan(view.correct->error_median)) continue;
-    correct.error_median += view.correct->error_median;
-    medians += 1.0;
+    if (view.correct) correct.push_back(*view.correct);
   }
-  correct.error_median = medians > 0.0 ? correct.error_median / medians : std::numeric_limits<double>::quiet_NaN();
-  if (with_truth > 0) mean.correct = correct;
+  if (correct.empty()) return mean;
+  mean.correct.emplace();
+  using Correct = View::Correct;
+  for (double Correct::*const field :
+       {&Correct::share, &Correct::share_solid_angle, &Correct::of_hit, &Correct::error_median}) {
+    (*mean.correct).*field = mean_without_nan(correct, [&](const Correct& of_view) { return of_view.*field; });
+  }
   return mean;
 }
 
@@ -118,7 +116,7 @@ ViewMeasures measure_views(const AlignedCloud& cloud, const Alignment& alignment
       std::count_if(result.views.begin(), result.views.end(), [](const View& v) { return v.correct.has_value(); }));
   std::copy_if(std::make_move_iterator(truth_of_views.begin()), std::make_move_iterator(truth_of_views.end()),
                std::back_inserter(result.truth), [](const TrueView& view) { return !view.range.empty(); });
-  result.mean = mean_view(result.views, result.with_truth);
+  result.mean = mean_view(result.views);
   return result;
 }
 

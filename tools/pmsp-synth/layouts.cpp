@@ -25,8 +25,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-void write_text(const fs::path& path, const std::string& text) { write_file(path, text); }
-
 json rows_of(const Eigen::Matrix3d& m) {
   json rows = json::array();
   for (int i = 0; i < 3; ++i) rows.push_back({m(i, 0), m(i, 1), m(i, 2)});
@@ -58,7 +56,7 @@ void write_ob3d(const synth::Mission& mission, const fs::path& folder) {
          {"intrinsics", {{"focal", mission.height}, {"cx", mission.width / 2.0}, {"cy", mission.height / 2.0}}},
          {"extrinsics",
           {{"rotation", rows_of(frame.cam_from_world.rotation)}, {"translation", {t.x(), t.y(), t.z()}}}}}};
-    write_text(folder / "cameras" / (number + "_cam.json"), camera.dump(4));
+    write_file(folder / "cameras" / (number + "_cam.json"), camera.dump(4));
     write_image(folder / "images" / (number + "_rgb.png"), frame.image);
     Image<float> depth = frame.depth;
     for (float& value : depth.pixels()) value = value > 0.0F ? value : kNoSurface;
@@ -75,10 +73,11 @@ void write_ob3d(const synth::Mission& mission, const fs::path& folder) {
   }
   std::vector<Eigen::Vector3d> points;
   for (const synth::SurfacePoint& point : mission.points) points.push_back(point.position_world);
-  write_text(folder / "sparse" / "sparse.ply", ply_of(points));
+  write_file(folder / "sparse" / "sparse.ply", ply_of(points));
 }
 
-// --- TartanAir V2 as packaged for COLMAP: images/, depth/ (1/8 m, min-pooled by 4), poses.txt, scene.json
+// --- TartanAir V2 as packaged for COLMAP: images/, depth/ (1/8 m, min-pooled by 4, the sky saturated), poses.txt,
+// scene.json
 
 Image<float> min_pooled(const Image<float>& depth, int factor) {
   Image<float> pooled(depth.width() / factor, depth.height() / factor);
@@ -106,14 +105,16 @@ void write_tartanair(const synth::Mission& mission, const fs::path& folder) {
     const std::int64_t number = kFirstFrame + static_cast<std::int64_t>(i);
     const std::string image = numbered_name("", number, ".jpg"), depth = numbered_name("", number, ".png");
     write_image(folder / "images" / image, frame.image, kJpegQuality);
-    write_png16(folder / "depth" / depth, min_pooled(frame.depth, kPooled), kDepthScale);
+    Image<float> pooled = min_pooled(frame.depth, kPooled);
+    std::replace(pooled.pixels().begin(), pooled.pixels().end(), 0.0F, static_cast<float>(65535.0 / kDepthScale));
+    write_png16(folder / "depth" / depth, pooled, kDepthScale);
     const Eigen::Vector3d p = frame.cam_from_world.center();
     const Eigen::Quaterniond q(frame.cam_from_world.rotation.transpose() * cam_from_body);
     poses += format("%lld %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n", static_cast<long long>(number), p.x(), p.y(), p.z(),
                     q.x(), q.y(), q.z(), q.w());
     frames.push_back({{"source_frame", number}, {"image_name", image}, {"depth_name", depth}});
   }
-  write_text(folder / "poses.txt", poses);
+  write_file(folder / "poses.txt", poses);
   const json scene = {{"manifest_version", 1},
                       {"environment", "Synthetic"},
                       {"difficulty", "easy"},
@@ -124,7 +125,7 @@ void write_tartanair(const synth::Mission& mission, const fs::path& folder) {
                       {"depth_invalid_value", 0},
                       {"depth_downsampling", "min_pool"},
                       {"frames", frames}};
-  write_text(folder / "scene.json", scene.dump(2));
+  write_file(folder / "scene.json", scene.dump(2));
 }
 
 // --- FIORD: images/, a model of COLMAP in sparse/, a scan in its frame, lidar.ply
@@ -137,7 +138,7 @@ std::string quaternion_first(const RigidTransform& pose) {
 
 void write_colmap(const synth::Mission& mission, const fs::path& folder, const std::vector<std::string>& images) {
   make_folder(folder);
-  write_text(folder / "cameras.txt",
+  write_file(folder / "cameras.txt",
              format("1 EQUIRECTANGULAR %d %d %d %d\n", mission.width, mission.height, mission.width, mission.height));
   std::string text;
   std::map<std::int64_t, std::pair<Eigen::Vector3d, std::string>> points;  // position, track
@@ -155,14 +156,14 @@ void write_colmap(const synth::Mission& mission, const fs::path& folder, const s
     }
     text += "\n";
   }
-  write_text(folder / "images.txt", text);
+  write_file(folder / "images.txt", text);
   text.clear();
   for (const auto& [id, point] : points) {
     const auto& [p, track] = point;
     text +=
         format("%lld %.9g %.9g %.9g 128 128 128 0.5", static_cast<long long>(id), p.x(), p.y(), p.z()) + track + "\n";
   }
-  write_text(folder / "points3D.txt", text);
+  write_file(folder / "points3D.txt", text);
 }
 
 void write_fiord(const synth::Mission& mission, const fs::path& folder) {
@@ -185,7 +186,7 @@ void write_fiord(const synth::Mission& mission, const fs::path& folder) {
       }
     }
   }
-  write_text(folder / "lidar.ply", ply_of(scan));
+  write_file(folder / "lidar.ply", ply_of(scan));
 }
 
 // --- Hilti-Trimble: true poses, gt_poses.csv, and the map of a SLAM
@@ -202,7 +203,7 @@ void write_hilti(const synth::Mission& mission, const fs::path& folder, const Sl
     poses += format("%zu, %.0f, %.0f, %.12g, %.12g, %.12g, %.12g, %.12g, %.12g, %.12g\n", i, whole,
                     std::round(1e9 * (frame.timestamp - whole)), p.x(), p.y(), p.z(), q.x(), q.y(), q.z(), q.w());
   }
-  write_text(folder / "gt_poses.csv", poses);
+  write_file(folder / "gt_poses.csv", poses);
   write_file(folder / "map.msg", slam_map(mission, map));
 }
 

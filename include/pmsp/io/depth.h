@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <map>
@@ -44,8 +45,12 @@ PMSP_API void write_depth_exr(const std::filesystem::path& path, const DepthMap&
 /// IoError, InvalidInput.
 PMSP_API std::vector<ImageChannel> read_exr(const std::filesystem::path& path, const std::vector<std::string>& names);
 
-/// Reads the only channel of an OpenEXR, that named Z, depth, Y or V (Blender), or R, G and B if they are equal. Throws
-/// IoError, InvalidInput.
+/// Reads three channels of an OpenEXR as vectors; empty unless all exist. Throws as read_exr.
+PMSP_API Image<Eigen::Vector3f> read_exr_vectors(const std::filesystem::path& path,
+                                                 const std::array<std::string, 3>& names);
+
+/// Reads the only channel of an OpenEXR, the first named Z, depth, Y or V (Blender) in this order, or R, G and B if
+/// they are equal. Throws IoError, InvalidInput.
 PMSP_API Image<float> read_exr_depth(const std::filesystem::path& path);
 
 /// Reads a two-dimensional NumPy array of little-endian float16, float32 or float64. Throws IoError, InvalidInput.
