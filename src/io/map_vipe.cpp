@@ -94,7 +94,7 @@ SlamMap read_vipe(MapFile& file, const ReadMapOptions& /*options*/) {
   }
   map.format = "ViPE";
   map.cameras = {equirectangular_camera_of_unknown_size()};
-  const fs::path folder = map.path.parent_path().parent_path();
+  const fs::path folder = fs::absolute(map.path).parent_path().parent_path();
   const std::string name = map.path.stem().string();
   const NpyArray poses = read_npy_array(map.path / "data.npy");
   const NpyArray frames = read_npy_array(map.path / "inds.npy");

@@ -52,16 +52,20 @@ std::string read_zip_member(const std::filesystem::path& path) {
   const std::string name = path.filename().string();
   zip_stat_t stat;
   if (zip_stat(archive.get(), name.c_str(), 0, &stat) != 0) {
-    throw IoError(path.string() + ": the archive has no such member");
+    throw IoError(path.string() + ": the archive has no such member; correct the name, or pack it again");
   }
   if (stat.comp_method != ZIP_CM_STORE && stat.comp_method != ZIP_CM_DEFLATE) {
     throw InvalidInput(path.string() + ": compression method " + std::to_string(stat.comp_method) +
                        " is not supported, expected 0 (stored) or 8 (deflate); pack the archive again");
   }
-  if (stat.size > kMaxMemberBytes || stat.size / kMaxInflation > stat.comp_size) {
+  if (stat.size / kMaxInflation > stat.comp_size) {
     throw InvalidInput(path.string() + ": " + std::to_string(stat.size) + " bytes from " +
                        std::to_string(stat.comp_size) +
-                       " compressed ones, expected at most 1 GiB and 1032 times as many; the archive is damaged");
+                       " compressed ones, expected at most 1032 times as many; the archive is damaged, copy it again");
+  }
+  if (stat.size > kMaxMemberBytes) {
+    throw InvalidInput(path.string() + ": " + std::to_string(stat.size) +
+                       " bytes, expected at most 1 GiB; write smaller images");
   }
   std::string bytes(stat.size, '\0');
   const std::unique_ptr<zip_file_t, decltype(&zip_fclose)> file(zip_fopen_index(archive.get(), stat.index, 0),

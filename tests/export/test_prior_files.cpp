@@ -105,6 +105,13 @@ TEST_CASE("the depth of an own EXR is read back") {
   CHECK(read_exr_depth(dir / "d.exr").pixels() == depth_ramp(6, 3).pixels());
   write_exr(dir / "one.exr", {{"whatever", depth_ramp(6, 3)}});
   CHECK(read_exr_depth(dir / "one.exr").pixels() == depth_ramp(6, 3).pixels());
+  const char* const names[] = {"Z", "depth", "Y", "V"};
+  for (int first = 0; first < 3; ++first) {  // in the file, channels are in alphabetical order
+    write_exr(dir / "all.exr", {{names[first], depth_ramp(6, 3)}, {names[first + 1], Image<float>(6, 3, 0.5F)}});
+    CHECK(read_exr_depth(dir / "all.exr").pixels() == depth_ramp(6, 3).pixels());
+    write_exr(dir / "all.exr", {{names[first], depth_ramp(6, 3)}, {names[3], Image<float>(6, 3, 0.5F)}});
+    CHECK(read_exr_depth(dir / "all.exr").pixels() == depth_ramp(6, 3).pixels());
+  }
   write_exr(dir / "two.exr", {{"R", depth_ramp(6, 3)}, {"G", depth_ramp(6, 3)}});
   CHECK_THROWS_WITH(read_exr_depth(dir / "two.exr"), Contains("G, R"));
 }
@@ -179,7 +186,8 @@ TEST_CASE("depth files in a ZIP archive are read by their path") {
   pmsp_test::write_zip(dir / "depth.zip", {{"00001.exr", read_text(dir / "a.exr")}, {"2.npy", sound}});
   CHECK(read_exr_depth(dir / "depth.zip/00001.exr").pixels() == ramp.pixels());
   CHECK(read_npy(dir / "depth.zip/2.npy").pixels() == ramp.pixels());
-  CHECK_THROWS_WITH(read_npy(dir / "depth.zip/3.npy"), Contains("3.npy") && Contains("no such member"));
+  CHECK_THROWS_WITH(read_npy(dir / "depth.zip/3.npy"),
+                    Contains("3.npy") && Contains("no such member; correct the name"));
   CHECK_THROWS_AS(read_npy(dir / "other.zip/2.npy"), IoError);
 
   const std::string bytes = read_text(dir / "depth.zip");
@@ -190,7 +198,7 @@ TEST_CASE("depth files in a ZIP archive are read by their path") {
     CHECK_THROWS_WITH(read_npy(dir / "broken.zip/2.npy"), Contains("2.npy") && Contains(message));
   };
   const std::size_t entry = bytes.rfind("PK\x01\x02");  // of 2.npy: "central directory header" of APPNOTE.TXT
-  refused(entry + 24, std::string("\xff\xff\xff\x7f", 4), "1 GiB");
+  refused(entry + 20, std::string("\xff\xff\xff\x01\xff\xff\xff\x7f", 8), "expected at most 1 GiB; write smaller");
   refused(entry + 24, std::string("\xff\xff\xff\x3f", 4), "1032 times");
   refused(entry + 10, std::string("\x0c\x00", 2), "method 12");
   const std::size_t data = bytes.rfind("2.npy", entry) + 5;
@@ -236,6 +244,9 @@ TEST_CASE("the requested channels of an EXR are read", "[prior files]") {
   CHECK(channels[1].name == "confidence");
   CHECK(channels[1].values(5, 2) == 0.5F);
   CHECK(read_exr(dir / "d.exr", {"A"}).empty());
+  CHECK(read_exr_vectors(dir / "d.exr", {"Z", "N.X", "confidence"})(5, 2) ==
+        Eigen::Vector3f(0.0F, depth_ramp(6, 3)(5, 2), 0.5F));
+  CHECK(read_exr_vectors(dir / "d.exr", {"N.X", "N.Y", "N.Z"}).empty());
   const std::string bytes = read_text(dir / "d.exr");
   write_text(dir / "cut.exr", bytes.substr(0, bytes.size() - 5));
   CHECK_THROWS_AS(read_exr(dir / "cut.exr", {"N.X"}), InvalidInput);

@@ -180,6 +180,10 @@ TEST_CASE("results of ViPE are a map with prior depth and masks of objects") {
     CHECK(map.keyframes[0].mask.empty());
     CHECK(map.keyframes[1].mask == folder / "mask/flight.zip/00003.png");
   }
+  const fs::path before = fs::current_path();
+  fs::current_path(folder / "pose");
+  CHECK(read_map("flight.npz").keyframes.size() == 4);
+  fs::current_path(before);
   write_file(folder / "intrinsics/flight_camera.txt", "0: PANORAMA\n3: PINHOLE\n9: PANORAMA\n");
   const SlamMap some = read_map(folder.path());
   CHECK(some.keyframes.size() == 2);
