@@ -12,7 +12,9 @@ int main(int argc, char** argv) {
     const auto images = pmsp::open_image_folder(map, argv[2]);
     const pmsp::DensifierOptions options = pmsp::preset(pmsp::Quality::kOnline);
     pmsp::CloudOutput cloud(argv[3], pmsp::cloud_header_of(map, options));
-    pmsp::densify(map, *images, options, cloud);
+    pmsp::DensifyExtras extras;
+    extras.image_folder = argv[2];  // with masks beside the images
+    pmsp::densify(map, *images, options, cloud, extras);
     cloud.commit();
     std::printf("%s: %lld points\n", argv[3], static_cast<long long>(cloud.points()));
   } catch (const std::exception& error) {

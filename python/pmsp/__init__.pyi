@@ -747,7 +747,8 @@ def densify(
 ) -> DensifierStats:
     """Computes the points of a mission, as pmsp-densify: into `output`, which the caller commits, and the callbacks.
 
-    progress: called after each keyframe with processed and expected number; False cancels. Callbacks as of Densifier.
+    masks: None = those of the map, alpha channels, and with `image_folder` files beside the images. progress: called after
+    each keyframe with processed and expected number; False cancels. Callbacks as of Densifier.
     Raises InvalidInput if conventions, poses or pairing are wrong (`verify`) or no image can be read; as Densifier;
     OutputError.
     """

@@ -22,6 +22,9 @@ def test_the_example_of_the_readme_gives_the_bytes_of_the_tool(tool, data, tmp_p
     assert len([line for line in example.splitlines() if line.strip()]) <= 10
     (tmp_path / "map.msg").symlink_to(data / "map.msg")
     (tmp_path / "keyframes").symlink_to(data / "images")
+    (tmp_path / "masks").mkdir()
+    for image in (data / "images").iterdir():
+        (tmp_path / "masks" / f"{image.stem}.png").symlink_to(data / "mask.png")
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(example, names)

@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "io/mission.h"
 #include "pmsp/error.h"
@@ -14,6 +15,22 @@ namespace {
 /// Thrown to end a pass over images early.
 struct Stopped {};
 
+/// Adds a rig to masks for the duration of a run.
+class RigScope {
+ public:
+  RigScope(MaskSource& masks, Image<std::uint8_t> rig) : masks_(masks), previous_(masks.set_rig({})) {
+    hide_rig(previous_, rig);
+    masks_.set_rig(std::move(rig));
+  }
+  ~RigScope() { masks_.set_rig(std::move(previous_)); }
+  RigScope(const RigScope&) = delete;
+  RigScope& operator=(const RigScope&) = delete;
+
+ private:
+  MaskSource& masks_;
+  Image<std::uint8_t> previous_;
+};
+
 }  // namespace
 
 DensifierStats densify(const SlamMap& map, ImageSource& images, const DensifierOptions& given,
@@ -22,6 +39,7 @@ DensifierStats densify(const SlamMap& map, ImageSource& images, const DensifierO
   if (extras.warning) log.warning = extras.warning;
   io::Mission mission({extras.verify, extras.verify, given.threads}, log);
   MaskOptions of_map;
+  of_map.images = extras.image_folder;
   if (extras.masks == nullptr) io::name_masks(map, images, of_map);
   MaskSource own_masks(of_map);
   mission.prior_depths = io::PriorDepths(extras.prior_depth, extras.image_folder, map);
@@ -34,14 +52,14 @@ DensifierStats densify(const SlamMap& map, ImageSource& images, const DensifierO
                        "give a PLY file with points (ReadMapOptions::points)");
   }
   DensifierOptions options = given;
+  std::optional<RigScope> rig;
   {
     CalibrationOptions calibrate = extras.calibrate;
     calibrate.lenses = calibrate.lenses && options.lens_distance == 0.0;
     const Executor executor(options.threads, options.simd);
-    const std::optional<CameraCalibration> found =
-        calibrate_camera(mission.map, images, mission.masks, calibrate, executor);
+    std::optional<CameraCalibration> found = calibrate_camera(mission.map, images, mission.masks, calibrate, executor);
     if (found && found->lenses && found->lenses->significant) options.lens_distance = found->lenses->distance;
-    if (found) mission.masks->set_rig(found->rig.mask);
+    if (found && !found->rig.mask.empty()) rig.emplace(*mission.masks, std::move(found->rig.mask));
   }
   if (options.advanced.expected_keyframes == 0)
     options.advanced.expected_keyframes = static_cast<std::int64_t>(images.keyframe_ids().size());

@@ -197,9 +197,9 @@ MaskSource::MaskSource(const MaskOptions& options) : impl_(std::make_unique<Impl
 
 MaskSource::~MaskSource() = default;
 
-void MaskSource::set_rig(Image<std::uint8_t> mask) {
-  impl_->rig = std::move(mask);
+Image<std::uint8_t> MaskSource::set_rig(Image<std::uint8_t> mask) {
   impl_->masks.clear();
+  return std::exchange(impl_->rig, std::move(mask));
 }
 
 bool MaskSource::is_folder() const { return impl_->folder; }

@@ -10,6 +10,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "cli/command.h"
+#include "pmsp/io/densify.h"
 
 using namespace pmsp_test;
 using Catch::Contains;
@@ -245,6 +246,32 @@ std::string points_in(const fs::path& ply) {
 }
 
 }  // namespace
+
+TEST_CASE("the library hides the rig for one call and keeps the caller's masks") {
+  const pmsp::SlamMap map = pmsp::read_map(with_rider() / "map.msg");
+  pmsp::MaskSource masks({});
+  const auto pixels = [&](bool find_rig) {
+    const auto images = pmsp::open_image_folder(map, with_rider() / "images");
+    pmsp::DensifierOptions options = pmsp::preset(pmsp::Quality::kOnline);
+    options.width = 64;
+    options.height = 32;
+    options.advanced.patchmatch.geometric_passes = 0;
+    pmsp::DensifyExtras extras;
+    extras.masks = &masks;
+    extras.calibrate.rig = find_rig;
+    return pmsp::densify(map, *images, options, pmsp::DensifierCallbacks(), extras).pixels;
+  };
+  const auto all = pixels(false), without_rider = pixels(true);
+  CHECK(without_rider < all);
+  CHECK(pixels(true) == without_rider);
+  pmsp::Image<std::uint8_t> own(512, 256, 255);
+  std::fill_n(own.row(0), own.size() / 4, std::uint8_t{0});
+  masks.set_rig(own);
+  const auto without_own = pixels(false);
+  CHECK(without_own < all);
+  CHECK(pixels(true) < without_own);
+  CHECK(masks.set_rig({}).pixels() == own.pixels());
+}
 
 TEST_CASE("the rig is detected and masked and written as a mask") {
   const TempDir dir;

@@ -6,6 +6,7 @@
 #include "pmsp/error.h"
 #include "pmsp/io/cloud.h"
 #include "pmsp/io/densify.h"
+#include "pmsp/io/depth.h"
 #include "support/temp_dir.h"
 
 using namespace pmsp;
@@ -56,6 +57,24 @@ TEST_CASE("the progress callback can stop the work and delivered results are kep
   DensifyExtras extras;
   extras.progress = [](std::size_t done, std::size_t) { return done < 2; };
   CHECK(densify(map, *images, quick(), DensifierCallbacks(), extras).keyframes_added == 2);
+}
+
+TEST_CASE("masks beside the images are used if the image folder is given") {
+  const TempDir dir;
+  const SlamMap map = read_map(kData / "map.msg");
+  std::filesystem::copy(kData / "images", dir / "images");
+  Image<float> half(64, 32, 1.0F);
+  std::fill_n(half.row(0), half.size() / 2, 0.0F);
+  std::filesystem::create_directory(dir / "masks");
+  for (const auto& file : std::filesystem::directory_iterator(dir / "images"))
+    write_png16(dir / "masks" / file.path().filename().replace_extension(".png"), half, 65535.0);
+  const auto pixels = [&](const std::filesystem::path& image_folder) {
+    const auto images = open_image_folder(map, dir / "images");
+    DensifyExtras extras;
+    extras.image_folder = image_folder;
+    return densify(map, *images, quick(), DensifierCallbacks(), extras).pixels;
+  };
+  CHECK(static_cast<double>(pixels(dir / "images")) < 0.6 * static_cast<double>(pixels({})));
 }
 
 TEST_CASE("input that cannot give points is refused with the remedy") {

@@ -38,10 +38,12 @@ PMSP_API std::optional<CameraCalibration> calibrate_camera(const SlamMap& map, c
 
 /// Optional arguments of densify().
 struct DensifyExtras {
-  MaskSource* masks = nullptr;  ///< nullptr = those of the map, and alpha channels; the rig mask is added
+  /// nullptr = those of the map, alpha channels, and with `image_folder` files beside the images. The rig is hidden,
+  /// too, during the call.
+  MaskSource* masks = nullptr;
   /// Directory of depth images, named after the images in `image_folder`, see DepthFolder; "" = those of the map.
   std::filesystem::path prior_depth;
-  std::filesystem::path image_folder;               ///< root of image names, for `prior_depth`
+  std::filesystem::path image_folder;               ///< root of image names, for `prior_depth` and masks
   bool verify = true;                               ///< check conventions, poses, and pairing of images and keyframes
   std::function<void(const std::string&)> warning;  ///< receives warnings
   CalibrationOptions calibrate;                     ///< `lenses` applies if DensifierOptions::lens_distance is 0

@@ -173,7 +173,8 @@ class PMSP_API MaskSource {
   explicit MaskSource(const MaskOptions& options);
   ~MaskSource();
 
-  void set_rig(Image<std::uint8_t> mask);  ///< rig (RigMask::mask) hidden in all images; empty = none
+  /// Sets the rig (RigMask::mask) hidden in all images, empty = none. Returns the previous one.
+  Image<std::uint8_t> set_rig(Image<std::uint8_t> mask);
 
   bool is_folder() const;  ///< whether MaskOptions::path is a directory
 
