@@ -34,13 +34,7 @@ void PriorDepths::attach(Keyframe& keyframe, const std::filesystem::path& image)
   if (!outcome.file.empty()) {
     try {
       const Image<float> values = folder_ ? folder_->read(outcome.file) : read_exr_depth(outcome.file);
-      const std::int64_t across = std::int64_t{values.width()} * keyframe.image.height;
-      const std::int64_t down = std::int64_t{values.height()} * keyframe.image.width;
-      if (values.width() < 16 || values.height() < 8 || std::abs(across - down) * 100 > down) {
-        throw InvalidInput(outcome.file.string() + ": is " + std::to_string(values.width()) + " x " +
-                           std::to_string(values.height()) + ", its image " + std::to_string(keyframe.image.width) +
-                           " x " + std::to_string(keyframe.image.height) + "; expected the same shape");
-      }
+      require_shape(values, outcome.file, keyframe.image.width, keyframe.image.height);
       outcome.alignment = align_prior_depth(values.view(), keyframe);
       if (outcome.alignment.why_not.empty()) {
         depth_ = aligned_depth(values.view(), outcome.alignment);
@@ -51,6 +45,15 @@ void PriorDepths::attach(Keyframe& keyframe, const std::filesystem::path& image)
     }
   }
   outcomes_[keyframe.id] = std::move(outcome);
+}
+
+void require_shape(const Image<float>& depth, const std::filesystem::path& file, int width, int height) {
+  const std::int64_t across = std::int64_t{depth.width()} * height;
+  const std::int64_t down = std::int64_t{depth.height()} * width;
+  if (depth.width() >= 16 && depth.height() >= 8 && std::abs(across - down) * 100 <= down) return;
+  throw InvalidInput(file.string() + ": is " + std::to_string(depth.width()) + " x " + std::to_string(depth.height()) +
+                     ", expected the shape of its image, " + std::to_string(width) + " : " + std::to_string(height) +
+                     ", and at least 16 x 8; make it again from the whole image");
 }
 
 std::string PriorDepths::summary() const {

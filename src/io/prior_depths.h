@@ -50,6 +50,9 @@ class PMSP_API PriorDepths {
   std::map<std::int64_t, Outcome> outcomes_;
 };
 
+/// Throws InvalidInput unless a depth image is at least 16 x 8 and has, to 1 %, the shape of its image.
+PMSP_API void require_shape(const Image<float>& depth, const std::filesystem::path& file, int width, int height);
+
 /// For alignments that fit.
 PMSP_API nlohmann::ordered_json to_json(const DepthAlignment& alignment);
 

@@ -109,6 +109,7 @@ ExternalDepths::Found ExternalDepths::add_image(const Keyframe& keyframe, const 
   Found found;
   found.file = file;
   const Image<float> values = folder_.read(file);
+  io::require_shape(values, file, 2, 1);  // of every panorama
   found.alignment.scale = arguments_.depth_scale.value_or(0.0);
   if (is_aligned()) found.alignment = align_prior_depth(values.view(), keyframe);
   if (!found.alignment.why_not.empty()) throw InvalidInput(file.string() + ": " + found.alignment.why_not);
@@ -199,12 +200,7 @@ PlaneMap ExternalDepths::planes_of(std::int64_t keyframe_id) {
 /// Reads a depth map in the size of the run.
 DepthMap ExternalDepths::read(std::int64_t keyframe_id, const Found& found) const {
   const Image<float> values = folder_.read(found.file);
-  const std::int64_t across = std::int64_t{values.width()} * found.height;
-  const std::int64_t down = std::int64_t{values.height()} * found.width;
-  if (std::abs(across - down) * 100 > down) {
-    throw InvalidInput(found.file.string() + ": is " + size_text(values.width(), values.height()) + ", its image " +
-                       size_text(found.width, found.height) + "; expected the same shape");
-  }
+  io::require_shape(values, found.file, found.width, found.height);
   DepthMap map;
   map.keyframe_id = keyframe_id;
   map.cam_from_world = map_->find_keyframe(keyframe_id)->cam_from_world;
