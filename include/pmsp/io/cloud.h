@@ -221,8 +221,8 @@ class PMSP_API CloudOutput {
   void add_writer(
       CloudWriter& writer);  ///< second writer of all points, finished by the caller; before the first point
 
-  /// Add points, at the pose of the cloud or a newer one. Throw OutputError (disk full; after `commit`); InvalidInput if
-  /// a target is a map and the camera is not at that place in CloudHeader::cameras.
+  /// Add points, at the pose of the cloud or a newer one. Throw OutputError (disk full; after `commit`); InvalidInput
+  /// if a target is a map and the camera is not at that place in CloudHeader::cameras.
   void add(const KeyframeCloud& cloud);
   void add(const KeyframeCloud& cloud, const KeyframePose& pose);
   /// Adds points of another frame. Throws InvalidInput if a target is a map, which needs the keyframes of the points.
