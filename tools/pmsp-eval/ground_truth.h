@@ -24,9 +24,7 @@ struct TruthOptions {
 
 /// Folder of ground truth:
 ///   traj_tum.txt          true poses, camera to world [m]
-///   range_mm/<frame>.png  16-bit gray, distance along the ray through the pixel centre [mm], 0 or 65535 (saturated) =
-///   no
-///                         surface; or
+///   range_mm/<frame>.png  16-bit gray, distance along the ray through the pixel centre [mm], 0, 65535 = no surface; or
 ///   range/<frame>.*       the same in metres: .pfm, .exr, .npy, or .png of another scale
 ///   cloud.ply, cloud.las  scanned points [m], beside or instead of range maps
 ///   normal/<frame>.*      optional: unit normals in the world of the poses: .exr with channels X, Y, Z, .pfm, .png
