@@ -53,12 +53,13 @@ View mean_view(const std::vector<View>& views) {
     if (view.correct) correct.push_back(*view.correct);
   }
   if (correct.empty()) return mean;
-  mean.correct.emplace();
   using Correct = View::Correct;
+  Correct all;
   for (double Correct::*const field :
        {&Correct::share, &Correct::share_solid_angle, &Correct::of_hit, &Correct::error_median}) {
-    (*mean.correct).*field = mean_without_nan(correct, [&](const Correct& of_view) { return of_view.*field; });
+    all.*field = mean_without_nan(correct, [&](const Correct& of_view) { return of_view.*field; });
   }
+  mean.correct = all;
   return mean;
 }
 
