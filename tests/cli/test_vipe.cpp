@@ -101,7 +101,8 @@ TEST_CASE("fuse makes a cloud of the depth in ViPE's results", "[vipe]") {
   CHECK(Json::parse(read_text(dir / "s.json"))["external_depths"]["maps"].size() == 5);
   CHECK(pmsp::read_ply(dir / "c.ply").positions.size() > 1000);
   require_ok(fuse({"--depth-scale", "auto", "--force"}));
-  for (const Json& map : Json::parse(read_text(dir / "s.json"))["external_depths"]["maps"]) {
+  const Json stats = Json::parse(read_text(dir / "s.json"));
+  for (const Json& map : stats["external_depths"]["maps"]) {
     CHECK(map["scale"].get<double>() == Approx(2.5).epsilon(0.03));
   }
   CHECK_THAT(fuse({"--force"}).err, Contains("--depth-scale 2.5"));
