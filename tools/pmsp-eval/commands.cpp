@@ -23,8 +23,6 @@
 namespace pmsp::eval {
 namespace {
 
-namespace fs = std::filesystem;
-
 std::vector<TimedPose> read_keyframes(const CommonArguments& common) {
   return common.map.empty() ? read_tum(common.trajectory) : trajectory_of(read_map(common.map));
 }
