@@ -140,11 +140,11 @@ void CloudOutput::add(const KeyframeCloud& cloud) { add(cloud, cloud.pose()); }
 void CloudOutput::add(const KeyframeCloud& cloud, const KeyframePose& pose) {
   Impl& impl = *impl_;
   impl.require_open();
+  if (impl.map) impl.require_camera(cloud.keyframe_id, pose);
   for (const auto& writer : impl.writers) writer->set_window(cloud.keyframe_id, cloud.window_ids);
   impl.added += static_cast<std::int64_t>(cloud.points.size());
   const PointTransform points(cloud, pose, impl.file_from_map);
   if (impl.map) {
-    impl.require_camera(cloud.keyframe_id, pose);
     impl.map->set_window(cloud.keyframe_id, cloud.window_ids);
     impl.each_piece(
         points.size(),

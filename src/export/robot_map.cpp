@@ -101,8 +101,8 @@ class RobotMap final : public CloudWriter {
   void finish() override {
     if (static_cast<double>(far_points_) > kMostFar * static_cast<double>(points_)) {
       failure_ = "the maps for robots lack " + std::to_string(far_points_) + " of " + std::to_string(points_) +
-                 " points, which are more than 1000 cells of " + number_text(map_.cell()) +
-                 " from their keyframes; give a larger --cell-size";
+                 " points, which are more than " + number_text(VoxelMap::kRange) + " cells of " +
+                 number_text(map_.cell()) + " from their keyframes; give a larger --cell-size";
     }
     if (!failure_.empty()) throw InvalidInput(failure_);
     flush();

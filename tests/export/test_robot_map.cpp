@@ -218,6 +218,7 @@ TEST_CASE("a map takes points at the poses of its header only", "[robot]") {
   KeyframePose moved = scene.cloud(0).pose();
   moved.cam_from_world.translation.x() += 1.0;
   CHECK_THROWS_WITH(output.add(scene.cloud(0), moved), Contains("keyframe 0") && Contains("elsewhere"));
+  CHECK(output.points_in() == 0);
   header.cameras.erase(1);
   CHECK_THROWS_WITH(scene.write(header, dir, {"b.bt"}), Contains("keyframe 1") && Contains("missing"));
 }

@@ -143,11 +143,11 @@ export class Results {
     const known = state.calibration;
     if (!known) return [];
     const length = `${Number(known.metres.toPrecision(6))} m ± ${percentText(scale.relativeError)}`;
-    const told = el("p", {}, `Lengths follow from a known one of ${length}. `, button("Remove known length", () => this.remove(() => (state.calibration = null))));
-    if (viewer.data.convert === undefined) return [told];
+    const summary = el("p", {}, `Lengths follow from a known one of ${length}. `, button("Remove known length", () => this.remove(() => (state.calibration = null))));
+    if (viewer.data.convert === undefined) return [summary];
     const command = convertCommand(viewer.data.convert, known, viewer.data.origin);
     return [
-      told,
+      summary,
       el("p", {}, "The cloud in metres: ", el("code", {}, command), " ", button("Copy command", () => {
         void copied(command).then((works) => this.say(works ? "The command is copied." : "The browser refuses to copy."));
       })),
